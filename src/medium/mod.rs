@@ -1,0 +1,2 @@
+//! What fills space.
+pub mod phase;
