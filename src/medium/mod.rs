@@ -1,2 +1,92 @@
-//! What fills space.
+//! What fills space: coefficients, densities, phase functions and glow.
+//!
+//! A medium's coefficients are given per unit of density and multiplied by the density ρ(x):
+//! σ_t,c(x) = σ_t,c ρ(x). So the albedo and the phase function are the same everywhere in it, and one
+//! number along a ray, the depth D = ∫ρ dt, gives the transmittance of every channel,
+//! T_c = e^{−σ_t,c D}.
+
+pub mod black_body;
+pub mod density;
 pub mod phase;
+
+use crate::math::{DVec3, Rgb};
+use black_body::BlackBody;
+use density::{Density, Grid};
+use phase::Phase;
+
+/// A participating medium.
+#[derive(Clone, Debug)]
+pub struct Medium {
+    /// Its name in the scene file.
+    pub name: String,
+    /// σ_t per unit of density, per unit of length.
+    pub extinction: Rgb,
+    /// σ_s/σ_t; 0 where σ_t is 0.
+    pub albedo: Rgb,
+    /// How it scatters.
+    pub phase: Phase,
+    /// Where it is thick and where thin.
+    pub density: Density,
+    /// How it glows.
+    pub emission: Emission,
+}
+
+/// The radiance L_e of a medium's particles; σ_a L_e is emitted per unit of length (Jensen 2001, Eq. 10.5).
+#[derive(Clone, Debug)]
+pub enum Emission {
+    /// Dark.
+    None,
+    /// The same everywhere.
+    Uniform(Rgb),
+    /// A black body with a grid of temperatures.
+    BlackBody {
+        /// The temperatures.
+        temperature: Box<Grid>,
+        /// Kelvin per voxel value.
+        kelvin_scale: f64,
+        /// Multiplies the radiance.
+        scale: f64,
+        /// The radiance by temperature.
+        table: BlackBody,
+    },
+}
+
+impl Medium {
+    /// Whether it scatters at all.
+    pub fn scatters(&self) -> bool {
+        (self.extinction * self.albedo).max_element() > 0.0 && self.density.max() > 0.0
+    }
+
+    /// Whether it neither absorbs, scatters nor glows.
+    pub fn is_clear(&self) -> bool {
+        self.extinction.max_element() <= 0.0 || self.density.max() <= 0.0
+    }
+
+    /// Whether it glows: it needs absorption to do so (Kirchhoff's law).
+    pub fn glows(&self) -> bool {
+        let absorbs = (self.extinction * (Rgb::ONE - self.albedo)).max_element() > 0.0;
+        absorbs && !self.is_clear() && !matches!(self.emission, Emission::None)
+    }
+
+    /// e^{−σ_t,c D} for a depth D, infinite ones included.
+    pub fn transmittance(&self, depth: f64) -> Rgb {
+        transmittance(self.extinction, depth)
+    }
+
+    /// σ_a L_e/ρ at `p`: radiance per unit of length and density.
+    pub fn emitted(&self, p: DVec3) -> Rgb {
+        let absorption = self.extinction * (Rgb::ONE - self.albedo);
+        match &self.emission {
+            Emission::None => Rgb::ZERO,
+            Emission::Uniform(radiance) => absorption * *radiance,
+            Emission::BlackBody { temperature, kelvin_scale, scale, table } => {
+                absorption * *scale * table.radiance(temperature.at(p) * kelvin_scale)
+            }
+        }
+    }
+}
+
+/// e^{−σ D} per channel; 1 in a channel without extinction, however deep.
+pub fn transmittance(extinction: Rgb, depth: f64) -> Rgb {
+    extinction.map(|sigma| if sigma == 0.0 { 1.0 } else { (-sigma * depth).exp() })
+}

@@ -1,0 +1,172 @@
+use super::{Arrival, Cone, Departure};
+use crate::geometry::{Geometry, Hit};
+use crate::math::{Bounds, DVec3, Frame, Ray, Rgb, Stream, error_bound, sampling};
+use std::f64::consts::PI;
+
+/// The surface of a shape that shines.
+#[derive(Clone, Copy, Debug)]
+pub struct Area {
+    /// The placed shape.
+    pub shape: u32,
+    /// How its radiance varies over directions.
+    pub profile: Profile,
+    /// The sides that shine.
+    pub sides: Sides,
+    /// Its area.
+    pub area: f64,
+    /// A box around it.
+    pub bounds: Bounds,
+}
+
+/// How radiance varies over directions.
+#[derive(Clone, Copy, Debug)]
+pub enum Profile {
+    /// The same radiance in all directions.
+    Diffuse(Rgb),
+    /// A spot light's intensity on the axis and cone, spread over a disc: L = I share/(A cos θ), so that
+    /// the intensity far away is the point's.
+    Spot(Rgb, Cone),
+    /// A round beam: the same radiance within a cone (inner = outer) about the disc's normal.
+    Beam(Rgb, Cone),
+}
+
+/// The sides of a shape that shine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sides {
+    /// Away from the inside.
+    Out,
+    /// Towards the inside.
+    In,
+    /// Both.
+    Both,
+}
+
+impl Sides {
+    /// Whether light leaves on the side with this cosine to the outward normal.
+    fn shine(self, cos: f64) -> bool {
+        match self {
+            Sides::Out => cos > 0.0,
+            Sides::In => cos < 0.0,
+            Sides::Both => cos != 0.0,
+        }
+    }
+
+    /// How many they are.
+    pub fn count(self) -> f64 {
+        if self == Sides::Both { 2.0 } else { 1.0 }
+    }
+}
+
+impl Area {
+    /// The radiance that leaves a point with outward normal `normal` along `direction`.
+    pub fn radiance(&self, normal: DVec3, direction: DVec3) -> Rgb {
+        let cos = normal.dot(direction);
+        if !self.sides.shine(cos) {
+            return Rgb::ZERO;
+        }
+        match self.profile {
+            Profile::Diffuse(radiance) => radiance,
+            Profile::Spot(intensity, cone) => intensity * (cone.share(direction) / (self.area * cos.abs())),
+            Profile::Beam(radiance, cone) => radiance * cone.share(direction),
+        }
+    }
+
+    pub(super) fn power(&self) -> Rgb {
+        match self.profile {
+            Profile::Diffuse(radiance) => radiance * (PI * self.area * self.sides.count()),
+            Profile::Spot(intensity, cone) => intensity * cone.solid_angle(),
+            Profile::Beam(radiance, cone) => radiance * (PI * cone.outer * (2.0 - cone.outer) * self.area),
+        }
+    }
+
+    pub(super) fn importance(&self, p: DVec3) -> f64 {
+        let nearest = p.clamp(self.bounds.min, self.bounds.max).distance_squared(p);
+        // Inside its own box a shape is about as far as its size.
+        let distance2 = nearest.max(self.area / (4.0 * PI));
+        match self.profile {
+            Profile::Diffuse(_) => self.power().element_sum() / distance2,
+            Profile::Spot(_, cone) | Profile::Beam(_, cone) => {
+                // Dark for certain only where not even the disc's rim reaches.
+                let offset = p - self.bounds.center();
+                let along = offset.dot(cone.axis);
+                let reach = if cone.outer >= 1.0 {
+                    f64::INFINITY
+                } else {
+                    along * (cone.outer * (2.0 - cone.outer)).sqrt() / (1.0 - cone.outer) + self.disc_radius()
+                };
+                let aside = (offset - along * cone.axis).length();
+                if along <= 0.0 || aside > reach { 0.0 } else { self.power().element_sum() / distance2.max(self.area) }
+            }
+        }
+    }
+
+    fn disc_radius(&self) -> f64 {
+        (self.area / PI).sqrt()
+    }
+
+    /// How far from `p`, against a direction of travel, the disc of a beam is met.
+    fn toward_disc(&self, p: DVec3, travel: DVec3, axis: DVec3) -> Option<f64> {
+        let offset = p - self.bounds.center();
+        let distance = offset.dot(axis) / travel.dot(axis);
+        let aside = (offset - distance * travel).length();
+        (distance > 0.0 && aside <= self.disc_radius()).then_some(distance)
+    }
+
+    pub(super) fn arrive(&self, geometry: &Geometry, p: DVec3, stream: &mut Stream) -> Option<Arrival> {
+        if let Profile::Beam(radiance, cone) = self.profile {
+            let travel = cone.sample(stream.uniform2());
+            let distance = self.toward_disc(p, travel, cone.axis)?;
+            let density = 1.0 / cone.outer_solid_angle();
+            return Some(Arrival { direction: -travel, distance, radiance, density, has_size: true });
+        }
+        let sample = geometry.sample_toward(self.shape, p, stream.uniform2())?;
+        let radiance = self.radiance(sample.normal, -sample.direction);
+        (radiance.max_element() > 0.0).then_some(Arrival {
+            direction: sample.direction,
+            distance: sample.distance,
+            radiance,
+            density: sample.pdf,
+            has_size: true,
+        })
+    }
+
+    /// The density per steradian at `from` with which [`super::Light::arrive`] draws `direction`, along
+    /// which the shape is met at `hit`.
+    pub fn density(&self, geometry: &Geometry, from: DVec3, hit: &Hit, direction: DVec3) -> f64 {
+        match self.profile {
+            Profile::Beam(_, cone) => 1.0 / cone.outer_solid_angle(),
+            _ => geometry.pdf_toward(self.shape, from, hit, direction),
+        }
+    }
+
+    pub(super) fn depart(&self, geometry: &Geometry, stream: &mut Stream) -> Option<Departure> {
+        let point = geometry.sample_area(self.shape, stream.uniform2());
+        let (direction, power) = match self.profile {
+            Profile::Diffuse(radiance) => {
+                let outward = match self.sides {
+                    Sides::Out => point.normal,
+                    Sides::In => -point.normal,
+                    Sides::Both if stream.uniform() < 0.5 => point.normal,
+                    Sides::Both => -point.normal,
+                };
+                let local = sampling::cosine_hemisphere(stream.uniform2());
+                let direction = Frame::around(outward).to_world(local).normalize();
+                (direction, radiance * (PI * self.sides.count() / point.pdf))
+            }
+            Profile::Spot(intensity, cone) => {
+                let direction = cone.sample(stream.uniform2());
+                let weight = cone.share(direction) * cone.outer_solid_angle() / (self.area * point.pdf);
+                (direction, intensity * weight)
+            }
+            Profile::Beam(radiance, cone) => {
+                let direction = cone.sample(stream.uniform2());
+                let cos = direction.dot(cone.axis);
+                (direction, radiance * (cos * cone.outer_solid_angle() / point.pdf))
+            }
+        };
+        let side = if direction.dot(point.normal) >= 0.0 { point.normal } else { -point.normal };
+        let at = Ray::new(point.point, direction);
+        let origin = point.point + side * error_bound(&at, 0.0).max(error_bound(&at, self.bounds.diagonal()));
+        Some(Departure { ray: Ray::new(origin, direction), power, shape: Some(self.shape) })
+    }
+}

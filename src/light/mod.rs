@@ -1,0 +1,153 @@
+//! Where light comes from: one file a light.
+//!
+//! Lights of no size, and lights at infinity, are not part of the geometry. Everything else that
+//! shines is a shape that rays can meet: emissive shapes, spheres for point lights with a radius, and
+//! discs, which emit but block nothing, for spot lights and bounded beams with a size.
+
+mod area;
+mod directional;
+mod environment;
+mod point;
+mod spot;
+
+pub use area::{Area, Profile, Sides};
+pub use directional::Directional;
+pub use environment::Environment;
+pub use point::Point;
+pub use spot::{Cone, Spot};
+
+use crate::geometry::Geometry;
+use crate::math::{DVec3, Ray, Rgb, Stream};
+
+/// One of the lights a scene file can name.
+#[derive(Clone, Debug)]
+pub enum Light {
+    /// The same intensity in all directions, from one point.
+    Point(Point),
+    /// A cone, from one point.
+    Spot(Spot),
+    /// From infinity, or a round beam, in one direction or a narrow cone of them.
+    Directional(Directional),
+    /// From infinity, all around.
+    Environment(Environment),
+    /// From the surface of a shape.
+    Area(Area),
+}
+
+/// Light that could arrive at a point, if nothing is in its way.
+#[derive(Clone, Copy, Debug)]
+pub struct Arrival {
+    /// From the point to the light.
+    pub direction: DVec3,
+    /// How far the light is; infinite for lights at infinity.
+    pub distance: f64,
+    /// The radiance that leaves the light towards the point; for lights of no size the irradiance on a
+    /// plane facing it.
+    pub radiance: Rgb,
+    /// The density of the direction per steradian; 1 for lights of no size.
+    pub density: f64,
+    /// Whether a ray that starts at the point could meet the light by chance.
+    pub has_size: bool,
+}
+
+/// A photon at its start.
+#[derive(Clone, Copy, Debug)]
+pub struct Departure {
+    /// Where it starts and whither.
+    pub ray: Ray,
+    /// The power it stands for: that of its light, if all were drawn alike.
+    pub power: Rgb,
+    /// The placed shape it starts on, if it does.
+    pub shape: Option<u32>,
+}
+
+/// A sphere around everything that light from infinity can reach.
+#[derive(Clone, Copy, Debug)]
+pub struct Surroundings {
+    /// Its centre.
+    pub center: DVec3,
+    /// Its radius.
+    pub radius: f64,
+}
+
+impl Light {
+    /// The power it sends into the scene; of lights at infinity, through the scene's bounding sphere.
+    pub fn power(&self, surroundings: &Surroundings) -> Rgb {
+        match self {
+            Light::Point(light) => light.power(),
+            Light::Spot(light) => light.power(),
+            Light::Directional(light) => light.power(surroundings),
+            Light::Environment(light) => light.power(surroundings),
+            Light::Area(light) => light.power(),
+        }
+    }
+
+    /// How much light it might send to `p`, roughly; 0 only if it sends none at all.
+    pub fn importance(&self, p: DVec3) -> f64 {
+        match self {
+            Light::Point(light) => light.importance(p),
+            Light::Spot(light) => light.importance(p),
+            Light::Directional(light) => light.importance(p),
+            Light::Environment(light) => light.importance(),
+            Light::Area(light) => light.importance(p),
+        }
+    }
+
+    /// Light that could arrive at `p`.
+    pub fn arrive(&self, geometry: &Geometry, p: DVec3, stream: &mut Stream) -> Option<Arrival> {
+        match self {
+            Light::Point(light) => light.arrive(p),
+            Light::Spot(light) => light.arrive(p),
+            Light::Directional(light) => light.arrive(p, stream),
+            Light::Environment(light) => light.arrive(stream),
+            Light::Area(light) => light.arrive(geometry, p, stream),
+        }
+    }
+
+    /// A photon, drawn in proportion to power.
+    pub fn depart(&self, geometry: &Geometry, surroundings: &Surroundings, stream: &mut Stream) -> Option<Departure> {
+        match self {
+            Light::Point(light) => Some(light.depart(stream)),
+            Light::Spot(light) => Some(light.depart(stream)),
+            Light::Directional(light) => Some(light.depart(surroundings, stream)),
+            Light::Environment(light) => light.depart(surroundings, stream),
+            Light::Area(light) => light.depart(geometry, stream),
+        }
+    }
+
+    /// The radiance that a ray which leaves the scene along `direction` sees.
+    pub fn escaping(&self, direction: DVec3) -> Rgb {
+        match self {
+            Light::Environment(light) => light.radiance(direction),
+            Light::Directional(light) => light.escaping(direction),
+            _ => Rgb::ZERO,
+        }
+    }
+
+    /// The density per steradian with which [`Light::arrive`] draws a direction that leaves the scene.
+    pub fn escaping_density(&self, direction: DVec3) -> f64 {
+        match self {
+            Light::Environment(light) => light.density(direction),
+            Light::Directional(light) => light.escaping_density(direction),
+            _ => 0.0,
+        }
+    }
+
+    /// Whether it shines from infinity.
+    pub fn is_infinite(&self) -> bool {
+        match self {
+            Light::Environment(_) => true,
+            Light::Directional(light) => light.beam.is_none(),
+            _ => false,
+        }
+    }
+
+    /// Whether a ray can meet it by chance.
+    pub fn has_size(&self) -> bool {
+        match self {
+            Light::Point(_) | Light::Spot(_) => false,
+            Light::Directional(light) => light.has_size(),
+            Light::Environment(_) | Light::Area(_) => true,
+        }
+    }
+}

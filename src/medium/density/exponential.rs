@@ -1,0 +1,146 @@
+use crate::math::{DVec3, Ray, one_minus_exp_over};
+
+/// An atmosphere: with h = (x − origin)·up, `value` e^{−h/scale_height} above the origin and `value` below.
+#[derive(Clone, Copy, Debug)]
+pub struct Exponential {
+    /// A point at height 0.
+    pub origin: DVec3,
+    /// The unit direction the density falls in.
+    pub up: DVec3,
+    /// The height over which it falls to 1/e.
+    pub scale_height: f64,
+    /// The density at and below height 0.
+    pub value: f64,
+}
+
+/// Above this many scale heights e^{−h} is 0 for every purpose.
+const FAR: f64 = 700.0;
+
+impl Exponential {
+    /// The density at `p`.
+    pub fn at(&self, p: DVec3) -> f64 {
+        self.value * (-self.height(p).max(0.0)).exp()
+    }
+
+    /// In scale heights.
+    fn height(&self, p: DVec3) -> f64 {
+        (p - self.origin).dot(self.up) / self.scale_height
+    }
+
+    /// Splits `[t0, t1]` where the ray crosses heights 0 and `FAR`; visits the pieces in order with the
+    /// heights at their ends, until told to stop.
+    fn pieces(&self, ray: &Ray, t0: f64, t1: f64, mut visit: impl FnMut(f64, f64, f64, f64) -> bool) {
+        let rise = ray.direction.dot(self.up) / self.scale_height;
+        let h = self.height(ray.origin);
+        let at = |t: f64| if rise == 0.0 { h } else { h + rise * t };
+        let mut cuts = [t0, t0, t0, t1];
+        if rise != 0.0 {
+            let (a, b) = (-h / rise, (FAR - h) / rise);
+            cuts[1] = a.min(b).clamp(t0, t1);
+            cuts[2] = a.max(b).clamp(t0, t1);
+        }
+        for pair in cuts.windows(2) {
+            if pair[0] < pair[1] && !visit(pair[0], pair[1], at(pair[0]), at(pair[1])) {
+                return;
+            }
+        }
+    }
+
+    /// ∫ρ over a piece that lies wholly below 0 or above it.
+    fn piece_depth(&self, length: f64, h0: f64, h1: f64) -> f64 {
+        let low = h0.min(h1).max(0.0);
+        if low >= FAR {
+            return 0.0;
+        }
+        let climb = (h1.max(h0).max(0.0)) - low;
+        let density = self.value * (-low).exp();
+        if length.is_infinite() {
+            // ∫ e^{−h} ds over a whole half line: the slope is lost in an infinite climb.
+            return if density > 0.0 { f64::INFINITY } else { 0.0 };
+        }
+        density * length * one_minus_exp_over(climb)
+    }
+
+    /// ∫ρ dt between two parameters of the ray; `t1` may be infinite.
+    pub fn depth(&self, ray: &Ray, t0: f64, t1: f64) -> f64 {
+        let mut depth = 0.0;
+        self.pieces(ray, t0, t1, |a, b, ha, hb| {
+            depth += self.piece_depth(b - a, ha, hb);
+            true
+        });
+        depth
+    }
+
+    /// Where between `t0` and `t1` the depth since `t0` reaches `target`.
+    pub fn advance(&self, ray: &Ray, t0: f64, t1: f64, target: f64) -> Option<f64> {
+        let rise = ray.direction.dot(self.up) / self.scale_height;
+        let mut left = target;
+        let mut found = None;
+        self.pieces(ray, t0, t1, |a, b, ha, hb| {
+            let depth = self.piece_depth(b - a, ha, hb);
+            if left > depth || depth == 0.0 {
+                left -= depth;
+                return true;
+            }
+            let low = ha.min(hb).max(0.0);
+            let climb = ha.max(hb).max(0.0) - low;
+            let t = if climb == 0.0 {
+                a + left / (self.value * (-low).exp())
+            } else if rise > 0.0 {
+                // left = ρ(a)/rise · (1 − e^{−rise s})
+                a - (-left * rise / (self.value * (-ha).exp())).ln_1p() / rise
+            } else {
+                // The same from the dense end: depth − left = ρ(b)/|rise| · (1 − e^{−|rise| s}).
+                b - (-((depth - left) * -rise / (self.value * (-hb).exp())).min(1.0)).ln_1p() / rise
+            };
+            found = Some(t.clamp(a, b));
+            false
+        });
+        found
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn depth_is_the_integral_and_advance_its_inverse() {
+        let air =
+            Exponential { origin: DVec3::new(1.0, 2.0, 3.0), up: DVec3::Y, scale_height: 0.7, value: 1.3 };
+        for (direction, t0, t1) in [
+            (DVec3::new(0.6, 0.8, 0.0), 0.0, 9.0),
+            (DVec3::new(0.6, -0.8, 0.0), 0.0, 9.0),
+            (DVec3::new(1.0, 0.0, 0.0), 1.0, 4.0),
+            (DVec3::new(1.0, 1e-9, 0.0), 1.0, 4.0),
+            (DVec3::new(0.0, -1.0, 0.0), 0.0, 2.0),
+            (DVec3::new(0.0, 1.0, 0.0), 0.0, 3000.0),
+        ] {
+            let ray = Ray::new(DVec3::new(-1.0, 4.0, 0.5), direction.normalize());
+            let depth = air.depth(&ray, t0, t1);
+            let n = 2_000_000;
+            let step = (t1 - t0) / n as f64;
+            let sum: f64 = (0..n).map(|i| air.at(ray.at(t0 + (i as f64 + 0.5) * step)) * step).sum();
+            assert!((depth - sum).abs() < 1e-5 * sum, "{direction}: {depth} against {sum}");
+            for share in [1e-9, 0.1, 0.5, 0.999] {
+                let t = air.advance(&ray, t0, t1, share * depth).expect("within the range");
+                let reached = air.depth(&ray, t0, t);
+                assert!((reached - share * depth).abs() < 1e-9 * depth, "{direction}: {share} gives {}", reached / depth);
+            }
+            assert!(air.advance(&ray, t0, t1, depth * 1.001).is_none());
+        }
+    }
+
+    #[test]
+    fn whole_half_lines_have_their_closed_form() {
+        let air = Exponential { origin: DVec3::ZERO, up: DVec3::Y, scale_height: 2.0, value: 0.5 };
+        let up = Ray::new(DVec3::new(0.0, 1.0, 0.0), DVec3::new(0.0, 0.5, 0.75f64.sqrt()));
+        let expected = 0.5 * (-0.5f64).exp() * 2.0 / 0.5;
+        assert!((air.depth(&up, 0.0, f64::INFINITY) - expected).abs() < 1e-12);
+        let level = Ray::new(DVec3::ZERO, DVec3::X);
+        assert_eq!(air.depth(&level, 0.0, f64::INFINITY), f64::INFINITY);
+        let down = Ray::new(DVec3::new(0.0, 5000.0, 0.0), DVec3::NEG_Y);
+        assert_eq!(air.depth(&down, 0.0, f64::INFINITY), f64::INFINITY);
+        assert!(air.advance(&down, 0.0, f64::INFINITY, 3.0).is_some_and(|t| (t - 5004.0).abs() < 1e-9));
+    }
+}

@@ -1,0 +1,129 @@
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+use super::bricks::{BrickGrid, Cell};
+use crate::math::{Bounds, DAffine3, DVec3, Ray};
+
+/// Voxels placed in the scene.
+#[derive(Clone, Debug)]
+pub struct Grid {
+    voxels: Arc<BrickGrid>,
+    /// From the scene to index space, where a voxel's value sits at its integer coordinates.
+    to_index: DAffine3,
+    /// Outside of this box in index space the density is 0.
+    clip: Bounds,
+}
+
+impl Grid {
+    /// Places voxels; `to_world` takes index space to the scene.
+    pub fn new(voxels: Arc<BrickGrid>, to_world: DAffine3) -> Self {
+        Grid { voxels, to_index: to_world.inverse(), clip: Bounds::ALL }
+    }
+
+    /// The same, with density 0 outside of a box in index space.
+    pub fn clipped(self, clip: Bounds) -> Self {
+        Grid { clip, ..self }
+    }
+
+    /// The same, carried along by a transform of the scene.
+    pub fn moved(&self, transform: DAffine3) -> Self {
+        Grid { voxels: self.voxels.clone(), to_index: self.to_index * transform.inverse(), clip: self.clip }
+    }
+
+    /// The voxels.
+    pub fn voxels(&self) -> &Arc<BrickGrid> {
+        &self.voxels
+    }
+
+    /// The value at `p`.
+    pub fn at(&self, p: DVec3) -> f64 {
+        let p = self.to_index.transform_point3(p);
+        if self.clip.contains(p) { self.voxels.density(p) as f64 } else { 0.0 }
+    }
+
+    /// The largest value anywhere.
+    pub fn max(&self) -> f64 {
+        self.voxels.max() as f64
+    }
+
+    /// Outside of this box the value is 0.
+    pub fn support(&self) -> Bounds {
+        let inside = if self.voxels.background() == 0.0 { self.voxels.support() } else { Bounds::ALL };
+        let inside = inside.intersection(self.clip);
+        if inside.size().is_finite() || inside.is_empty() {
+            inside.transformed(&self.to_index.inverse())
+        } else {
+            Bounds::ALL
+        }
+    }
+
+    /// The ray in index space, its parameter unchanged, and the range of it that is not clipped away.
+    fn enter(&self, ray: &Ray, t0: f64, t1: f64) -> Option<(DVec3, DVec3, f64, f64)> {
+        let origin = self.to_index.transform_point3(ray.origin);
+        let direction = self.to_index.transform_vector3(ray.direction);
+        let inside = Ray { origin, direction };
+        let (a, b) = if self.clip == Bounds::ALL { (t0, t1) } else { self.clip.clip(&inside, t0, t1)? };
+        (a < b).then_some((origin, direction, a, b))
+    }
+
+    /// Calls `visit(a, b, majorant)` on consecutive pieces of the ray.
+    pub fn majorants(&self, ray: &Ray, t0: f64, t1: f64, mut visit: impl FnMut(f64, f64, f64) -> ControlFlow<()>) {
+        if let Some((origin, direction, a, b)) = self.enter(ray, t0, t1) {
+            let _ = self.voxels.majorants(origin, direction, a, b, |a, b, max, _| visit(a, b, max));
+        }
+    }
+
+    /// Visits the cells the ray crosses, in order; nothing where it is clipped away.
+    pub fn cells(&self, ray: &Ray, t0: f64, t1: f64, visit: impl FnMut(Cell) -> ControlFlow<()>) {
+        if let Some((origin, direction, a, b)) = self.enter(ray, t0, t1) {
+            let _ = self.voxels.walk_cells(origin, direction, a, b, visit);
+        }
+    }
+
+    pub(super) fn depth(&self, ray: &Ray, t0: f64, t1: f64) -> f64 {
+        let mut depth = 0.0;
+        self.cells(ray, t0, t1, |cell| {
+            depth += cell.integral();
+            ControlFlow::Continue(())
+        });
+        depth
+    }
+
+    pub(super) fn advance(&self, ray: &Ray, t0: f64, t1: f64, target: f64) -> Option<f64> {
+        let mut left = target;
+        let mut found = None;
+        self.cells(ray, t0, t1, |cell| {
+            let depth = cell.integral();
+            if left > depth || depth == 0.0 {
+                left -= depth;
+                return ControlFlow::Continue(());
+            }
+            found = Some(self.within(ray, &cell, left));
+            ControlFlow::Break(())
+        });
+        found
+    }
+
+    /// Where in a cell the depth since its start reaches `target`: Newton's method, kept between bounds.
+    /// Simpson's rule is exact on any part of a cell, where the density is a cubic.
+    fn within(&self, ray: &Ray, cell: &Cell, target: f64) -> f64 {
+        let start = cell.rho_a as f64;
+        if cell.is_constant() {
+            return (cell.ta + target / start).min(cell.tb);
+        }
+        let (mut low, mut high) = (cell.ta, cell.tb);
+        let mut t = cell.ta + (cell.tb - cell.ta) * (target / cell.integral()).clamp(0.0, 1.0);
+        for _ in 0..60 {
+            let density = self.at(ray.at(t));
+            let middle = self.at(ray.at(0.5 * (cell.ta + t)));
+            let error = (t - cell.ta) * (start + 4.0 * middle + density) / 6.0 - target;
+            if error.abs() <= 1e-7 * target {
+                break;
+            }
+            if error > 0.0 { high = t } else { low = t }
+            let next = t - error / density;
+            t = if next > low && next < high { next } else { 0.5 * (low + high) };
+        }
+        t
+    }
+}

@@ -1,0 +1,70 @@
+//! How a medium's density varies over space.
+
+pub mod bricks;
+mod exponential;
+mod grid;
+pub mod npy;
+pub mod vdb;
+
+pub use exponential::Exponential;
+pub use grid::{Grid, Interpolation};
+
+use crate::math::{Bounds, DVec3, Ray};
+
+/// A density, one of the kinds a scene file can name. A constant value is folded into the medium's
+/// coefficients.
+#[derive(Clone, Debug)]
+pub enum Density {
+    /// 1 everywhere.
+    Uniform,
+    /// An atmosphere.
+    Exponential(Exponential),
+    /// Voxels.
+    Grid(Grid),
+}
+
+impl Density {
+    /// ρ at `p`.
+    pub fn at(&self, p: DVec3) -> f64 {
+        match self {
+            Density::Uniform => 1.0,
+            Density::Exponential(density) => density.at(p),
+            Density::Grid(density) => density.at(p),
+        }
+    }
+
+    /// The largest ρ anywhere.
+    pub fn max(&self) -> f64 {
+        match self {
+            Density::Uniform => 1.0,
+            Density::Exponential(density) => density.value,
+            Density::Grid(density) => density.max(),
+        }
+    }
+
+    /// Outside of this box ρ is 0.
+    pub fn support(&self) -> Bounds {
+        match self {
+            Density::Uniform | Density::Exponential(_) => Bounds::ALL,
+            Density::Grid(density) => density.support(),
+        }
+    }
+
+    /// D = ∫ρ dt from `t0` to `t1`, which may be infinite; exact up to rounding.
+    pub fn depth(&self, ray: &Ray, t0: f64, t1: f64) -> f64 {
+        match self {
+            Density::Uniform => t1 - t0,
+            Density::Exponential(density) => density.depth(ray, t0, t1),
+            Density::Grid(density) => density.depth(ray, t0, t1),
+        }
+    }
+
+    /// Where between `t0` and `t1` the depth since `t0` reaches `target`; `None` if it does not.
+    pub fn advance(&self, ray: &Ray, t0: f64, t1: f64, target: f64) -> Option<f64> {
+        match self {
+            Density::Uniform => (target <= t1 - t0).then(|| (t0 + target).min(t1)),
+            Density::Exponential(density) => density.advance(ray, t0, t1, target),
+            Density::Grid(density) => density.advance(ray, t0, t1, target),
+        }
+    }
+}

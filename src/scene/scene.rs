@@ -1,0 +1,209 @@
+//! A scene as the renderer sees it: loaded, checked, and moved so that its middle is the origin.
+
+use smallvec::SmallVec;
+
+use super::description::{Camera, Film, Photons, Render, Volume};
+use crate::geometry::{Cluster, Geometry};
+use crate::light::{Light, Surroundings};
+use crate::math::{Bounds, DVec3, Rgb, Stream};
+use crate::medium::Medium;
+use crate::surface::Material;
+
+/// Everything a renderer needs.
+#[derive(Debug)]
+pub struct Scene {
+    /// The image to make.
+    pub film: Film,
+    /// Who looks, from where.
+    pub camera: Camera,
+    /// How to compute it.
+    pub render: Render,
+    /// How many photons.
+    pub photons: Photons,
+    /// How media are gathered.
+    pub volume: Volume,
+    /// All surfaces; ids of placed shapes index `surfaces`.
+    pub geometry: Geometry,
+    /// What each placed shape is made of.
+    pub surfaces: Vec<Surface>,
+    /// The closed shapes that decide what fills space; a higher index takes precedence.
+    pub solids: Vec<Solid>,
+    /// What fills space outside of solids: an index into `media`.
+    pub world: Option<u32>,
+    /// The region outside of solids.
+    pub world_region: u32,
+    /// The number of regions.
+    pub regions: u32,
+    /// All media, one for each place its density was carried to.
+    pub media: Vec<Medium>,
+    /// All lights.
+    pub lights: Vec<Light>,
+    /// What light from infinity can reach.
+    pub surroundings: Surroundings,
+    /// The scene's middle in the file's coordinates, which is the origin here.
+    pub center: DVec3,
+    /// What the user should know.
+    pub warnings: Vec<String>,
+}
+
+/// What a placed shape is made of.
+#[derive(Clone, Copy, Debug)]
+pub struct Surface {
+    /// Its material.
+    pub material: Material,
+    /// The solid it bounds: an index into [`Scene::solids`].
+    pub solid: Option<u32>,
+    /// Its light: an index into [`Scene::lights`].
+    pub light: Option<u32>,
+}
+
+/// A closed shape with an interior or a dielectric material.
+#[derive(Clone, Copy, Debug)]
+pub struct Solid {
+    /// The placed shape that bounds it.
+    pub shape: u32,
+    /// What fills it: an index into [`Scene::media`]; `None` is vacuum.
+    pub medium: Option<u32>,
+    /// Its index of refraction, if it is a dielectric.
+    pub index: Option<Rgb>,
+    /// The region it decides: space a photon map is shared in.
+    pub region: u32,
+}
+
+/// The solids that contain a point, those with precedence first.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Inside {
+    solids: SmallVec<[u32; 6]>,
+}
+
+impl Inside {
+    /// From the solids, in any order.
+    pub fn of(solids: impl IntoIterator<Item = u32>) -> Self {
+        let mut solids: SmallVec<[u32; 6]> = solids.into_iter().collect();
+        solids.sort_unstable_by(|a, b| b.cmp(a));
+        solids.dedup();
+        Inside { solids }
+    }
+
+    /// Whether `solid` is one of them.
+    pub fn contains(&self, solid: u32) -> bool {
+        self.solids.contains(&solid)
+    }
+
+    fn set(&mut self, solid: u32, inside: bool) {
+        // Descending order; a set of a few.
+        match self.solids.binary_search_by(|other| solid.cmp(other)) {
+            Ok(at) if !inside => {
+                self.solids.remove(at);
+            }
+            Err(at) if inside => self.solids.insert(at, solid),
+            _ => {}
+        }
+    }
+}
+
+impl Scene {
+    /// The medium that fills the places inside these solids.
+    pub fn medium(&self, inside: &Inside) -> Option<u32> {
+        match inside.solids.first() {
+            Some(&solid) => self.solids[solid as usize].medium,
+            None => self.world,
+        }
+    }
+
+    /// The region of the places inside these solids.
+    pub fn region(&self, inside: &Inside) -> u32 {
+        match inside.solids.first() {
+            Some(&solid) => self.solids[solid as usize].region,
+            None => self.world_region,
+        }
+    }
+
+    /// The index of refraction inside these solids: that of the dielectric with precedence.
+    pub fn index(&self, inside: &Inside) -> Rgb {
+        inside.solids.iter().find_map(|&solid| self.solids[solid as usize].index).unwrap_or(Rgb::ONE)
+    }
+
+    /// The solids that contain `p`.
+    pub fn inside(&self, p: DVec3) -> Inside {
+        if self.solids.is_empty() {
+            return Inside::default();
+        }
+        let mut shapes = SmallVec::new();
+        self.geometry.containing(p, &mut shapes);
+        Inside::of(shapes.iter().filter_map(|&shape| self.surfaces[shape as usize].solid))
+    }
+
+    /// What is inside after a ray along `direction` has crossed all the surfaces of `cluster`.
+    /// Of several crossings of one solid at one place, as on an edge, the sum counts.
+    pub fn cross(&self, inside: &Inside, cluster: &Cluster, direction: DVec3) -> Inside {
+        let mut after = inside.clone();
+        let mut crossings: SmallVec<[(u32, i32); 6]> = SmallVec::new();
+        for hit in cluster.hits() {
+            if let Some(solid) = self.surfaces[hit.id as usize].solid {
+                let step = if hit.normal.dot(direction) < 0.0 { 1 } else { -1 };
+                match crossings.iter_mut().find(|crossing| crossing.0 == solid) {
+                    Some(crossing) => crossing.1 += step,
+                    None => crossings.push((solid, step)),
+                }
+            }
+        }
+        for (solid, sum) in crossings {
+            if sum != 0 {
+                after.set(solid, sum > 0);
+            }
+        }
+        after
+    }
+
+    /// Draws a light for a point: its index and the probability it was drawn with, by how much light each
+    /// might send there.
+    pub fn choose_light(&self, p: DVec3, stream: &mut Stream) -> Option<(u32, f64)> {
+        if let [_] = self.lights[..] {
+            return Some((0, 1.0));
+        }
+        let total: f64 = self.lights.iter().map(|light| light.importance(p)).sum();
+        if total.is_nan() || total <= 0.0 {
+            return None;
+        }
+        let mut left = stream.uniform() * total;
+        let mut last = None;
+        for (i, light) in self.lights.iter().enumerate() {
+            let importance = light.importance(p);
+            if importance > 0.0 {
+                last = Some((i as u32, importance / total));
+                if left < importance {
+                    break;
+                }
+            }
+            left -= importance;
+        }
+        last
+    }
+
+    /// The probability with which [`Scene::choose_light`] draws light `index` for `p`.
+    pub fn light_choice(&self, index: u32, p: DVec3) -> f64 {
+        if let [_] = self.lights[..] {
+            return 1.0;
+        }
+        let total: f64 = self.lights.iter().map(|light| light.importance(p)).sum();
+        if total > 0.0 { self.lights[index as usize].importance(p) / total } else { 0.0 }
+    }
+
+    /// A box around all that the camera can see at a finite distance: surfaces, bounded media, lights of
+    /// no size, and the camera itself.
+    pub fn bounds(&self) -> Bounds {
+        let mut bounds = self.geometry.all_bounds();
+        bounds = bounds.union(Bounds::of_points([self.camera.position]));
+        for light in &self.lights {
+            let position = match light {
+                Light::Point(point) => Some(point.position),
+                Light::Spot(spot) => Some(spot.position),
+                Light::Directional(light) => light.beam.map(|beam| beam.0),
+                Light::Environment(_) | Light::Area(_) => None,
+            };
+            bounds = bounds.union(Bounds::of_points(position));
+        }
+        bounds
+    }
+}

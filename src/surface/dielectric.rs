@@ -1,0 +1,71 @@
+use crate::math::{DVec3, Rgb};
+
+/// A smooth boundary: reflects and refracts by Fresnel's equations.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Dielectric {
+    /// The absolute index of refraction inside, per channel.
+    pub index: Rgb,
+}
+
+impl Dielectric {
+    /// The refracted direction of light that meets a surface, whose unit `normal` faces it, from index
+    /// `from` into index `to` (Snell's law); `None` where reflection is total.
+    pub fn refract(direction: DVec3, normal: DVec3, from: f64, to: f64) -> Option<DVec3> {
+        let cos = -direction.dot(normal);
+        let ratio = from / to;
+        let sin2 = ratio * ratio * (1.0 - cos * cos).max(0.0);
+        (sin2 < 1.0).then(|| (ratio * direction + (ratio * cos - (1.0 - sin2).sqrt()) * normal).normalize())
+    }
+}
+
+/// The share of unpolarised light that is reflected where it meets a boundary from index `from` into
+/// index `to` at an angle of this cosine (Fresnel's equations; Jensen 2001, Eq. 2.28–2.29 with the
+/// denominator of ρ⊥ put right). 0 for equal indices, 1 beyond the critical angle.
+pub fn fresnel(cos: f64, from: f64, to: f64) -> f64 {
+    if from == to {
+        return 0.0;
+    }
+    let cos = cos.clamp(0.0, 1.0);
+    let sin2 = (from / to).powi(2) * (1.0 - cos * cos);
+    if sin2 >= 1.0 {
+        return 1.0;
+    }
+    let cos_t = (1.0 - sin2).sqrt();
+    let parallel = (to * cos - from * cos_t) / (to * cos + from * cos_t);
+    let perpendicular = (from * cos - to * cos_t) / (from * cos + to * cos_t);
+    0.5 * (parallel * parallel + perpendicular * perpendicular)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fresnel_limits() {
+        assert!((fresnel(1.0, 1.0, 1.5) - 0.04).abs() < 1e-12);
+        assert!((fresnel(1.0, 1.5, 1.0) - 0.04).abs() < 1e-12);
+        assert_eq!(fresnel(0.0, 1.0, 1.5), 1.0);
+        assert_eq!(fresnel(0.3, 1.3, 1.3), 0.0);
+        // Brewster's angle: tan θ = n; the parallel part vanishes.
+        let cos = (1.0 / (1.0 + 1.5f64 * 1.5)).sqrt();
+        let s = (1.0f64 - 1.5 * 1.5) / (1.0 + 1.5 * 1.5);
+        assert!((fresnel(cos, 1.0, 1.5) - 0.5 * s * s).abs() < 1e-12);
+        // Just inside and beyond the critical angle.
+        let critical = (1.0 - 1.0 / 2.25f64).sqrt();
+        assert_eq!(fresnel(critical - 1e-9, 1.5, 1.0), 1.0);
+        assert!(fresnel(critical + 1e-6, 1.5, 1.0) < 1.0);
+    }
+
+    #[test]
+    fn refraction_obeys_snell_and_reverses() {
+        let normal = DVec3::new(0.0, 0.0, 1.0);
+        for sin in [0.0, 0.1, 0.7, 0.999_999] {
+            let direction = DVec3::new(sin, 0.0, -(1.0f64 - sin * sin).sqrt());
+            let inside = Dielectric::refract(direction, normal, 1.0, 1.5).expect("into the denser side");
+            assert!((inside.x * 1.5 - sin).abs() < 1e-12);
+            let back = Dielectric::refract(-inside, -normal, 1.5, 1.0).expect("reversible");
+            assert!((back + direction).length() < 1e-9);
+        }
+        assert!(Dielectric::refract(DVec3::new(0.8, 0.0, -0.6), normal, 1.5, 1.0).is_none());
+    }
+}

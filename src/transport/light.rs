@@ -1,0 +1,63 @@
+//! Light that arrives straight from a light.
+
+use std::ops::ControlFlow;
+
+use smallvec::SmallVec;
+
+use super::flight::pass;
+use super::walk::{Crossing, Segment, Stop, Visitor, Walk};
+use crate::light::Light;
+use crate::math::{DVec3, Ray, Rgb, Stream};
+use crate::scene::{Inside, Scene};
+
+/// Remembers the stretches of media on the way, to be paid for once the way is known to be free.
+#[derive(Default)]
+struct Way {
+    segments: SmallVec<[(u32, f64, f64); 4]>,
+}
+
+impl Visitor for Way {
+    fn segment(&mut self, segment: &Segment<'_>) -> ControlFlow<()> {
+        self.segments.push((segment.medium, segment.a, segment.b));
+        ControlFlow::Continue(())
+    }
+
+    fn crossing(&mut self, _: &Crossing<'_>) {}
+}
+
+/// Multiplies `weight` by an unbiased estimate of what passes along `ray`, which starts inside these
+/// solids, up to `distance`: through media and index-matched boundaries, nothing through surfaces.
+pub fn transmit(scene: &Scene, ray: Ray, inside: &Inside, distance: f64, weight: &mut Rgb, stream: &mut Stream) {
+    // The light's own surface does not block it.
+    let distance = distance * (1.0 - 1e-9);
+    let mut way = Way::default();
+    if scene.solids.is_empty() {
+        if scene.geometry.occluded(&ray, 0.0, distance, |id| scene.surfaces[id as usize].material.is_opaque()) {
+            *weight = Rgb::ZERO;
+            return;
+        }
+        if let Some(world) = scene.world {
+            way.segments.push((world, 0.0, distance));
+        }
+    } else {
+        let mut walk = Walk::new(scene, ray, inside.clone()).until(distance);
+        if let Stop::Surface(_) = walk.advance(&mut way) {
+            *weight = Rgb::ZERO;
+            return;
+        }
+    }
+    for (medium, a, b) in way.segments {
+        pass(&scene.media[medium as usize], &ray, (a, b), weight, stream);
+        if weight.max_element() <= 0.0 {
+            return;
+        }
+    }
+}
+
+/// The density per steradian with which a light drawn for the point `from` sends a sample along `direction`
+/// that meets the light's surface at this crossing.
+pub fn light_density(scene: &Scene, crossing: &Crossing<'_>, from: DVec3, direction: DVec3) -> f64 {
+    let Light::Area(area) = &scene.lights[crossing.light as usize] else { return 0.0 };
+    let choice = scene.light_choice(crossing.light, from);
+    if choice > 0.0 { choice * area.density(&scene.geometry, from, crossing.hit, direction) } else { 0.0 }
+}

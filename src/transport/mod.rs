@@ -1,0 +1,12 @@
+//! What light and eye share: the walk from surface to surface through the media between, free
+//! flights and transmittance, events at surfaces, and light that arrives straight from a light.
+
+mod flight;
+mod light;
+mod roulette;
+mod walk;
+
+pub use flight::{Tally, flight_density, fly, pass};
+pub use light::{light_density, transmit};
+pub use roulette::{shares, survive};
+pub use walk::{Crossing, Interaction, Reflection, Segment, Side, Stop, Visitor, Walk};

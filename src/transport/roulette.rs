@@ -1,0 +1,25 @@
+use crate::math::{Rgb, Stream};
+
+/// Each channel's present share of a weight; equal shares of nothing.
+pub fn shares(weight: Rgb) -> Rgb {
+    let sum = weight.element_sum();
+    if sum > 0.0 { weight / sum } else { Rgb::splat(1.0 / 3.0) }
+}
+
+/// Russian roulette against the factor by which an event scales a weight: survives with the factor's
+/// mean over the channels' shares, and then keeps the weight's sum unchanged. Weights so stay bounded
+/// along any path. Returns whether the walk goes on.
+///
+/// A factor above 1 on average is applied without roulette.
+pub fn survive(weight: &mut Rgb, factor: Rgb, stream: &mut Stream) -> bool {
+    let chance = (shares(*weight) * factor).element_sum();
+    if chance.is_nan() || chance <= 0.0 {
+        return false;
+    }
+    if chance >= 1.0 {
+        *weight *= factor;
+        return true;
+    }
+    *weight *= factor / chance;
+    stream.uniform() < chance
+}

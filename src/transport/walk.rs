@@ -1,0 +1,280 @@
+//! The walk of light or of an eye path, from one surface to the next, through the media between.
+
+use std::ops::ControlFlow;
+
+use super::roulette::{shares, survive};
+use crate::geometry::{Cluster, Hit};
+use crate::math::{DVec3, Ray, Rgb, Stream, error_bound};
+use crate::scene::{Inside, Scene};
+use crate::surface::{Dielectric, Lambert, Material, Mirror, fresnel};
+
+/// A photon or an eye path on its way.
+#[derive(Clone)]
+pub struct Walk<'s> {
+    scene: &'s Scene,
+    /// The line it is on.
+    pub ray: Ray,
+    /// How far along that line it has come.
+    pub t: f64,
+    /// Crossings up to here have been taken.
+    crossed: f64,
+    /// Nothing beyond is of interest.
+    limit: f64,
+    /// The solids around it.
+    pub inside: Inside,
+    cluster: Cluster,
+}
+
+/// A stretch of a ray in one medium.
+pub struct Segment<'a> {
+    /// The ray.
+    pub ray: &'a Ray,
+    /// Where on it the stretch begins.
+    pub a: f64,
+    /// Where it ends; perhaps at infinity.
+    pub b: f64,
+    /// The medium: an index into [`Scene::media`].
+    pub medium: u32,
+    /// The solids around.
+    pub inside: &'a Inside,
+}
+
+/// A surface that a ray meets and that shines.
+pub struct Crossing<'a> {
+    /// The ray.
+    pub ray: &'a Ray,
+    /// Where.
+    pub hit: &'a Hit,
+    /// The light: an index into [`Scene::lights`].
+    pub light: u32,
+}
+
+/// What wants to know what a walk passes.
+pub trait Visitor {
+    /// Passes through a medium; may end the walk inside.
+    fn segment(&mut self, segment: &Segment<'_>) -> ControlFlow<()>;
+    /// Meets a surface that shines.
+    fn crossing(&mut self, crossing: &Crossing<'_>);
+}
+
+/// Why a walk pauses.
+pub enum Stop {
+    /// The visitor ended it.
+    Ended,
+    /// At a surface that does something.
+    Surface(Interaction),
+    /// There is nothing more on the line.
+    Escaped,
+}
+
+/// A surface that does something to light, and what is around it.
+#[derive(Clone, Debug)]
+pub struct Interaction {
+    /// Where.
+    pub point: DVec3,
+    /// The direction of arrival.
+    pub direction: DVec3,
+    /// The unit geometric normal on the side of arrival.
+    pub normal: DVec3,
+    /// The unit shading normal on the side of arrival.
+    pub shading_normal: DVec3,
+    /// How far along the ray.
+    pub t: f64,
+    /// The placed shape.
+    pub shape: u32,
+    /// What it does.
+    pub reflection: Reflection,
+    offset: f64,
+    before: Inside,
+    after: Inside,
+}
+
+/// What a surface does.
+#[derive(Clone, Copy, Debug)]
+pub enum Reflection {
+    /// Reflects diffusely.
+    Lambert(Lambert),
+    /// Reflects specularly.
+    Mirror(Mirror),
+    /// Reflects and refracts: the indices on this side and beyond.
+    Dielectric(Rgb, Rgb),
+}
+
+/// Whether a walk carries the power of photons or the importance of an eye.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// Power, which refraction leaves alone.
+    Light,
+    /// Radiance, which refraction from index η₁ into η₂ multiplies by (η₁/η₂)².
+    Eye,
+}
+
+impl<'s> Walk<'s> {
+    /// A walk that starts with `ray`, inside these solids.
+    pub fn new(scene: &'s Scene, ray: Ray, inside: Inside) -> Self {
+        Walk { scene, ray, t: 0.0, crossed: 0.0, limit: f64::INFINITY, inside, cluster: Cluster::default() }
+    }
+
+    /// The same, ending at parameter `limit`: what lies beyond is escape.
+    pub fn until(self, limit: f64) -> Self {
+        Walk { limit, ..self }
+    }
+
+    /// Goes on to the next surface that does something, through boundaries that do not.
+    pub fn advance(&mut self, visitor: &mut impl Visitor) -> Stop {
+        loop {
+            self.scene.geometry.intersect(&self.ray, self.crossed, self.limit, &mut self.cluster);
+            let met = self.cluster.nearest().map(|hit| hit.t);
+            let end = met.map_or(self.limit, |t| t.max(self.t));
+            if let Some(medium) = self.scene.medium(&self.inside) {
+                if !self.scene.media[medium as usize].is_clear() {
+                    let segment = Segment { ray: &self.ray, a: self.t, b: end, medium, inside: &self.inside };
+                    if visitor.segment(&segment).is_break() {
+                        return Stop::Ended;
+                    }
+                }
+            }
+            if met.is_none() {
+                return Stop::Escaped;
+            }
+            for hit in self.cluster.hits() {
+                if let Some(light) = self.scene.surfaces[hit.id as usize].light {
+                    visitor.crossing(&Crossing { ray: &self.ray, hit, light });
+                }
+            }
+            self.t = end;
+            let after = self.scene.cross(&self.inside, &self.cluster, self.ray.direction);
+            if let Some((hit, reflection)) = self.reflection(&after) {
+                return Stop::Surface(self.interaction(hit, reflection, after));
+            }
+            self.crossed = self.cluster.hits().last().map_or(end, |hit| hit.t) + error_bound(&self.ray, end);
+            self.inside = after;
+        }
+    }
+
+    /// What the surfaces at one place do together: an opaque one decides; else a change of index.
+    fn reflection(&self, after: &Inside) -> Option<(Hit, Reflection)> {
+        let mut boundary = None;
+        for hit in self.cluster.hits() {
+            match self.scene.surfaces[hit.id as usize].material {
+                Material::Lambert(lambert) => return Some((*hit, Reflection::Lambert(lambert))),
+                Material::Mirror(mirror) => return Some((*hit, Reflection::Mirror(mirror))),
+                Material::Dielectric(_) if boundary.is_none() => boundary = Some(*hit),
+                Material::Dielectric(_) | Material::None => {}
+            }
+        }
+        let hit = boundary?;
+        let (from, to) = (self.scene.index(&self.inside), self.scene.index(after));
+        (from != to).then_some((hit, Reflection::Dielectric(from, to)))
+    }
+
+    fn interaction(&self, hit: Hit, reflection: Reflection, after: Inside) -> Interaction {
+        let direction = self.ray.direction;
+        let facing = if hit.normal.dot(direction) <= 0.0 { 1.0 } else { -1.0 };
+        let mut shading_normal = facing * hit.shading_normal;
+        if shading_normal.dot(direction) >= 0.0 {
+            shading_normal = facing * hit.normal;
+        }
+        Interaction {
+            point: self.ray.at(hit.t),
+            direction,
+            normal: facing * hit.normal,
+            shading_normal,
+            t: hit.t,
+            shape: hit.id,
+            reflection,
+            offset: 4.0 * error_bound(&self.ray, hit.t),
+            before: self.inside.clone(),
+            after,
+        }
+    }
+
+    /// Turns into `direction` at parameter `t` of its line, in the open.
+    pub fn turn(&mut self, t: f64, direction: DVec3) {
+        self.ray = Ray::new(self.ray.at(t), direction);
+        self.t = 0.0;
+        self.crossed = 0.0;
+    }
+
+    /// Leaves a surface along `direction`, on the side that points to.
+    pub fn leave(&mut self, at: &Interaction, direction: DVec3) {
+        let (ray, inside) = at.departure(direction);
+        self.ray = ray;
+        self.inside = inside;
+        self.t = 0.0;
+        self.crossed = 0.0;
+    }
+}
+
+impl Interaction {
+    /// A ray that leaves along `direction`, and the solids around its start.
+    pub fn departure(&self, direction: DVec3) -> (Ray, Inside) {
+        let outward = direction.dot(self.normal) >= 0.0;
+        let (offset, inside) = if outward { (self.offset, &self.before) } else { (-self.offset, &self.after) };
+        (Ray::new(self.point + offset * self.normal, direction), inside.clone())
+    }
+
+    /// Draws where light goes on from a surface; weights `weight` for it, with roulette. `None` ends the walk.
+    pub fn scatter(&self, side: Side, weight: &mut Rgb, stream: &mut Stream) -> Option<DVec3> {
+        match self.reflection {
+            Reflection::Lambert(lambert) => {
+                let direction = lambert.sample(self.shading_normal, stream);
+                let out = direction.dot(self.normal);
+                if out <= 0.0 {
+                    return None;
+                }
+                let mut factor = lambert.reflectance;
+                if side == Side::Light && self.shading_normal != self.normal {
+                    // Shading normals break the symmetry of light and eye (Veach 1996).
+                    let arriving = self.direction.dot(self.shading_normal) / self.direction.dot(self.normal);
+                    let leaving = out / direction.dot(self.shading_normal);
+                    factor *= (arriving * leaving).abs();
+                }
+                survive(weight, factor, stream).then_some(direction)
+            }
+            Reflection::Mirror(mirror) => {
+                let normal = self.specular_normal(|normal| Some(Mirror::reflect(self.direction, normal)), true);
+                survive(weight, mirror.reflectance, stream).then(|| Mirror::reflect(self.direction, normal))
+            }
+            Reflection::Dielectric(from, to) => self.refract(from, to, side, weight, stream),
+        }
+    }
+
+    /// The shading normal where its outcome lies on the right side of the surface, else the geometric one.
+    fn specular_normal(&self, outcome: impl Fn(DVec3) -> Option<DVec3>, reflected: bool) -> DVec3 {
+        let right = outcome(self.shading_normal).is_none_or(|d| (d.dot(self.normal) > 0.0) == reflected);
+        if right { self.shading_normal } else { self.normal }
+    }
+
+    fn refract(&self, from: Rgb, to: Rgb, side: Side, weight: &mut Rgb, stream: &mut Stream) -> Option<DVec3> {
+        let normal = self.specular_normal(|normal| Some(Mirror::reflect(self.direction, normal)), true);
+        let cos = -self.direction.dot(normal);
+        let reflected = Rgb::from_array(std::array::from_fn(|c| fresnel(cos, from[c], to[c])));
+        let chance = (shares(*weight) * reflected).element_sum();
+        if stream.uniform() < chance {
+            *weight *= reflected / chance;
+            return Some(Mirror::reflect(self.direction, normal));
+        }
+        *weight *= (Rgb::ONE - reflected) / (1.0 - chance);
+        let mut channel = 0;
+        if from != Rgb::splat(from.x) || to != Rgb::splat(to.x) {
+            // Dispersion: the channels part; one goes on with the weight of all.
+            let w = shares(*weight);
+            let u = stream.uniform();
+            channel = if u < w.x { 0 } else if u < w.x + w.y { 1 } else { 2 };
+            if w[channel] <= 0.0 {
+                return None;
+            }
+            let sum = weight.element_sum();
+            *weight = Rgb::ZERO;
+            weight[channel] = sum;
+        }
+        let (from, to) = (from[channel], to[channel]);
+        let bend = |normal| Dielectric::refract(self.direction, normal, from, to);
+        let direction = bend(self.specular_normal(bend, false))?;
+        if side == Side::Eye {
+            *weight *= (from / to).powi(2);
+        }
+        Some(direction)
+    }
+}
