@@ -12,8 +12,7 @@ const LARGEST: f32 = 255.0 / 256.0 * (1u128 << 127) as f32;
 
 /// Writes `image`; negative values and NaN become 0, infinite ones the largest there is.
 pub(super) fn encode(image: &Image, out: &mut impl Write) -> io::Result<()> {
-    // `max` returns the other operand for NaN.
-    let pixels: Vec<_> = image.pixels.iter().map(|pixel| Rgb(pixel.map(|v| v.max(0.0).min(LARGEST)))).collect();
+    let pixels: Vec<_> = image.pixels.iter().map(|pixel| Rgb(pixel.map(|v| if v > 0.0 { v.min(LARGEST) } else { 0.0 }))).collect();
     HdrEncoder::new(out).encode(&pixels, image.width, image.height).map_err(|error| match error {
         ImageError::IoError(error) => error,
         other => io::Error::other(other),
