@@ -2,13 +2,14 @@
 //! as viewers expect them.
 
 use std::io::{self, Cursor, Seek, Write};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use ::exr::prelude::{
     AnyChannel, AnyChannels, AttributeValue, Compression, Encoding, FlatSamples, MetaData, ReadChannels, ReadLayers,
     SmallVec, Text, Vec2, WritableImage,
 };
 
-use super::{Attribute, Image, Layer, LayerData, Picture, check_size};
+use super::{Attribute, DEFLATE, Image, Layer, LayerData, Picture, check_size};
 
 /// Writes `picture` with all layers and attributes: 32-bit floats, ZIP-compressed blocks of 16 lines.
 pub(super) fn encode(picture: &Picture, out: &mut (impl Write + Seek)) -> io::Result<()> {
@@ -60,6 +61,13 @@ pub(super) fn encode(picture: &Picture, out: &mut (impl Write + Seek)) -> io::Re
 
 /// Reads the image and its layers from a file of any compression and sample type.
 pub(super) fn decode(bytes: &[u8]) -> Result<Picture, String> {
+    // The decoders assert some of what they expect of a file (with debug assertions, overflows in B44 and
+    // lines of mip levels), which only a caught panic turns into an error.
+    catch_unwind(AssertUnwindSafe(|| decode_unguarded(bytes)))
+        .unwrap_or_else(|_| Err("not a sound EXR file: its blocks contradict each other".into()))
+}
+
+fn decode_unguarded(bytes: &[u8]) -> Result<Picture, String> {
     let fail = |error: ::exr::error::Error| format!("not a sound EXR file: {error}");
     check_headers(&MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(fail)?, bytes.len())?;
 
@@ -109,15 +117,26 @@ fn check_headers(metadata: &MetaData, file_length: usize) -> Result<(), String> 
     if metadata.headers.iter().any(|header| header.deep) {
         return Err("this EXR file holds deep data; a flat image is expected".into());
     }
+    // Each block has an offset in the table and a place and a length where it lies: 16 bytes.
+    let blocks: usize = metadata.headers.iter().map(|header| header.chunk_count).fold(0, usize::saturating_add);
+    if blocks > file_length / 16 {
+        return Err(format!(
+            "the header claims {blocks} blocks, more than a file of {file_length} bytes can hold: \
+             it is damaged or cut short"
+        ));
+    }
     for header in &metadata.headers {
         let Vec2(width, height) = header.layer_size;
         let bits = header.channels.list.iter().map(|channel| 8 * channel.sample_type.bytes_per_sample() as u64).sum();
-        // DWA may keep as little as one coefficient of an 8 × 8 block, and deflates that.
-        let bits = match header.compression {
-            Compression::DWAA(_) | Compression::DWAB(_) => u64::div_ceil(bits, 64),
-            _ => bits,
+        let expansion = match header.compression {
+            Compression::Uncompressed => 1,
+            // Two bytes stand for a run of 128 at most.
+            Compression::RLE => 64,
+            // DWA may keep as little as one coefficient of an 8 × 8 block, and deflates that.
+            Compression::DWAA(_) | Compression::DWAB(_) => 64 * DEFLATE,
+            _ => DEFLATE,
         };
-        check_size(width, height, bits, file_length)?;
+        check_size(width, height, bits, expansion, file_length)?;
     }
     Ok(())
 }

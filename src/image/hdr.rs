@@ -5,14 +5,15 @@ use std::io::{self, Write};
 use ::image::codecs::hdr::{HdrDecoder, HdrEncoder};
 use ::image::{ImageDecoder, ImageError, Rgb};
 
-use super::{Image, check_size};
+use super::{DEFLATE, Image, check_size};
 
 /// The largest value RGBE holds: 255/256 · 2^127.
 const LARGEST: f32 = 255.0 / 256.0 * (1u128 << 127) as f32;
 
 /// Writes `image`; negative values and NaN become 0, infinite ones the largest there is.
 pub(super) fn encode(image: &Image, out: &mut impl Write) -> io::Result<()> {
-    let pixels: Vec<_> = image.pixels.iter().map(|pixel| Rgb(pixel.map(|v| if v > 0.0 { v.min(LARGEST) } else { 0.0 }))).collect();
+    let pixels: Vec<_> =
+        image.pixels.iter().map(|pixel| Rgb(pixel.map(|v| if v > 0.0 { v.min(LARGEST) } else { 0.0 }))).collect();
     HdrEncoder::new(out).encode(&pixels, image.width, image.height).map_err(|error| match error {
         ImageError::IoError(error) => error,
         other => io::Error::other(other),
@@ -29,7 +30,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Image, String> {
     let decoder = HdrDecoder::new_nonstrict(bytes).map_err(text)?;
     let metadata = decoder.metadata();
     let (width, height) = (metadata.width as usize, metadata.height as usize);
-    check_size(width, height, 32, bytes.len())?;
+    check_size(width, height, 32, DEFLATE, bytes.len())?;
     let exposure = metadata.exposure.unwrap_or(1.0);
     if !(exposure.is_finite() && exposure > 0.0) {
         return Err(format!("the header's EXPOSURE is {exposure}; a positive number is expected"));

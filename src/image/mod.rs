@@ -281,18 +281,19 @@ fn decode(bytes: &[u8]) -> Result<Picture, String> {
     }
 }
 
-/// How many times longer than a file its contents may be: deflate cannot exceed 1032 to 1, and the
-/// run-length and wavelet codes of the other formats stay below.
-const MAX_EXPANSION: u64 = 1032;
+/// How many times longer than its file deflated data can be; the wavelet and Huffman codes of EXR stay below.
+const DEFLATE: u64 = 1032;
 
-/// Refuses sizes that a file of `file_length` bytes cannot hold, `bits` each pixel in the file's own
-/// representation, before any memory is taken for them.
-fn check_size(width: usize, height: usize, bits: u64, file_length: usize) -> Result<(), String> {
+/// Refuses sizes that a file of `file_length` bytes cannot hold, before any memory is taken for them:
+/// `bits` is what a pixel takes unpacked in the file's own representation, `expansion` how many
+/// times shorter the file's compression can make it.
+fn check_size(width: usize, height: usize, bits: u64, expansion: u64, file_length: usize) -> Result<(), String> {
     if width == 0 || height == 0 {
         return Err(format!("the header claims {width} × {height} pixels: the image is empty"));
     }
-    let bytes = (width as u128) * (height as u128) * u128::from(bits) / 8;
-    if bytes > u128::from(MAX_EXPANSION) * file_length as u128 {
+    // Widths and heights are 64-bit numbers at most.
+    let pixels = width as u128 * height as u128;
+    if pixels.saturating_mul(u128::from(bits)) / 8 > u128::from(expansion) * file_length as u128 {
         return Err(format!(
             "the header claims {width} × {height} pixels, more than a file of {file_length} bytes can hold: \
              it is damaged or cut short"

@@ -32,7 +32,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Image, String> {
     if !scale.is_finite() || scale == 0.0 {
         return Err(format!("the PFM header's scale is {scale}; its sign must tell the byte order"));
     }
-    check_size(width, height, 32 * channels as u64, bytes.len())?;
+    check_size(width, height, 32 * channels as u64, 1, bytes.len())?;
     let expected = width * height * channels * 4;
     if rest.len() != expected {
         return Err(format!(

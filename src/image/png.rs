@@ -6,7 +6,7 @@ use ::image::codecs::png::{PngDecoder, PngEncoder};
 use ::image::{DynamicImage, ExtendedColorType, ImageEncoder, ImageError, Limits};
 
 use super::tone::srgb_to_linear;
-use super::{Image, MAX_EXPANSION, ToneSettings, check_size, tone_map};
+use super::{DEFLATE, Image, ToneSettings, check_size, tone_map};
 
 /// Writes `image`, tone-mapped, in 8-bit sRGB.
 pub(super) fn encode(image: &Image, tone: &ToneSettings, out: &mut impl Write) -> io::Result<()> {
@@ -34,11 +34,11 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Image, String> {
         6 => 4,
         _ => 1,
     };
-    check_size(width, height, u64::from(header[8]) * channels, bytes.len())?;
+    check_size(width, height, u64::from(header[8]) * channels, DEFLATE, bytes.len())?;
 
     // What is left to limit: chunks beside the picture. One bit may stand for three bytes of palette.
     let mut limits = Limits::no_limits();
-    limits.max_alloc = Some((bytes.len() as u64).saturating_mul(24 * MAX_EXPANSION));
+    limits.max_alloc = Some((bytes.len() as u64).saturating_mul(24 * DEFLATE));
     let decoder = PngDecoder::with_limits(Cursor::new(bytes), limits).map_err(text)?;
     let decoded = DynamicImage::from_decoder(decoder).map_err(text)?;
     let (width, height) = (decoded.width() as usize, decoded.height() as usize);
