@@ -3,6 +3,7 @@
 #![warn(missing_docs)]
 
 pub mod error;
+pub mod image;
 pub mod math;
 pub mod medium;
 

@@ -1,0 +1,220 @@
+//! How far an image is from a reference.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::{DEFAULT_PIXELS_PER_DEGREE, Image, Picture, ToneSettings, auto_exposure, flip, read, tone_map};
+use crate::{Error, Result};
+
+/// Error figures of an image I against a reference R, over pixels and channels.
+///
+/// Pixels that are not finite in the image, the reference or its standard error take no part in the
+/// means, and are reported.
+#[derive(Clone, Debug, Serialize)]
+pub struct Figures {
+    /// The number of columns.
+    pub width: usize,
+    /// The number of rows.
+    pub height: usize,
+    /// The image's mean in each channel.
+    pub mean: [f64; 3],
+    /// The reference's mean in each channel.
+    pub reference_mean: [f64; 3],
+    /// √(mean (I − R)²).
+    pub rmse: f64,
+    /// mean (I − R)²/(R² + 0.01 · mean(R)²); `None` if the reference's mean is 0.
+    pub rel_mse: Option<f64>,
+    /// mean(I − R)/mean(R); `None` if the reference's mean is 0.
+    pub bias: Option<f64>,
+    /// Mean FLIP of the pictures, tone-mapped alike at the reference's exposure; `None` for what is
+    /// no colour (normals, depth).
+    pub flip: Option<f64>,
+    /// Whether the reference's own variance was subtracted from the squared differences in
+    /// `rmse` and `rel_mse`. What falls below 0 by chance is 0.
+    pub variance_subtracted: bool,
+    /// Pixels of the image that are NaN or infinite.
+    pub non_finite: Option<NonFinite>,
+    /// Pixels of the reference (or of its standard error) that are NaN or infinite.
+    pub reference_non_finite: Option<NonFinite>,
+}
+
+/// Pixels that are NaN or infinite.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct NonFinite {
+    /// How many there are.
+    pub count: usize,
+    /// Column and row of the first.
+    pub first: [usize; 2],
+}
+
+impl NonFinite {
+    fn of<'a>(pixels: impl Iterator<Item = &'a [f32; 3]>, width: usize) -> Option<NonFinite> {
+        let mut places =
+            pixels.enumerate().filter(|(_, pixel)| !finite(pixel)).map(|(index, _)| [index % width, index / width]);
+        let first = places.next()?;
+        Some(NonFinite { count: 1 + places.count(), first })
+    }
+}
+
+fn finite(pixel: &[f32; 3]) -> bool {
+    pixel.iter().all(|value| value.is_finite())
+}
+
+/// Compares `image` with `reference`. If the standard error of the reference's pixels is given, its
+/// square is subtracted from the squared differences, so that the noise of the reference is not held
+/// against the image.
+///
+/// Errors: [`Error::Usage`] if sizes differ or no pixel is finite everywhere.
+pub fn compare(image: &Image, reference: &Image, standard_error: Option<&Image>) -> Result<Figures> {
+    let (width, height) = (reference.width, reference.height);
+    if (image.width, image.height) != (width, height) {
+        return Err(Error::Usage(format!(
+            "the image has {} × {} pixels, the reference {width} × {height}; equal sizes are expected",
+            image.width, image.height
+        )));
+    }
+    if let Some(error) = standard_error.filter(|error| (error.width, error.height) != (width, height)) {
+        return Err(Error::Usage(format!(
+            "the standard error has {} × {} pixels, the reference {width} × {height}; equal sizes are expected",
+            error.width, error.height
+        )));
+    }
+
+    let errors = |index: usize| standard_error.map_or([0.0; 3], |error| error.pixels[index]);
+    let triples: Vec<([f64; 3], [f64; 3], [f64; 3])> = (0..reference.pixels.len())
+        .map(|index| (image.pixels[index], reference.pixels[index], errors(index)))
+        .filter(|(i, r, e)| finite(i) && finite(r) && finite(e))
+        .map(|(i, r, e)| (i.map(f64::from), r.map(f64::from), e.map(f64::from)))
+        .collect();
+    if triples.is_empty() {
+        return Err(Error::Usage("no pixel is finite in both the image and the reference".into()));
+    }
+
+    // Means first, then what is relative to them.
+    let mut mean = [0.0; 3];
+    let mut reference_mean = [0.0; 3];
+    for (i, r, _) in &triples {
+        for c in 0..3 {
+            mean[c] += i[c] / triples.len() as f64;
+            reference_mean[c] += r[c] / triples.len() as f64;
+        }
+    }
+    let overall = |means: [f64; 3]| means.iter().sum::<f64>() / 3.0;
+    let level = overall(reference_mean);
+    let mut squares = 0.0;
+    let mut relative = 0.0;
+    for (i, r, e) in &triples {
+        for c in 0..3 {
+            let square = (i[c] - r[c]).powi(2) - e[c] * e[c];
+            squares += square;
+            relative += square / (r[c] * r[c] + 0.01 * level * level);
+        }
+    }
+    let values = 3.0 * triples.len() as f64;
+
+    let tone = ToneSettings { exposure: Some(auto_exposure(reference)), ..ToneSettings::default() };
+    let shown = [reference, image].map(|image| tone_map(image, &tone));
+    let flip = flip(&shown[0], &shown[1], width, DEFAULT_PIXELS_PER_DEGREE).map(|flip| flip.mean);
+
+    let doubtful = reference.pixels.iter().enumerate().map(|(index, pixel)| match standard_error {
+        Some(error) if finite(pixel) => &error.pixels[index],
+        _ => pixel,
+    });
+    Ok(Figures {
+        width,
+        height,
+        mean,
+        reference_mean,
+        rmse: (squares / values).max(0.0).sqrt(),
+        rel_mse: (level != 0.0).then(|| (relative / values).max(0.0)),
+        bias: (level != 0.0).then(|| (overall(mean) - level) / level),
+        flip,
+        variance_subtracted: standard_error.is_some(),
+        non_finite: NonFinite::of(image.pixels.iter(), width),
+        reference_non_finite: NonFinite::of(doubtful, width),
+    })
+}
+
+/// What [`diff`] compares.
+#[derive(Clone, Debug, Default)]
+pub struct DiffOptions {
+    /// The layer to compare, by name; `None`: the image itself.
+    pub layer: Option<String>,
+    /// A file with the standard error of the reference's pixels; `None`: the reference's layer
+    /// `standard_error`, if it has one (it belongs to the image, not to other layers).
+    pub standard_error: Option<PathBuf>,
+}
+
+/// Compares two image files, see [`compare`].
+///
+/// Errors: [`Error::Asset`] for a file that cannot be read or lacks the layer, [`Error::Usage`] if sizes
+/// differ or no pixel is finite.
+pub fn diff(image: impl AsRef<Path>, reference: impl AsRef<Path>, options: &DiffOptions) -> Result<Figures> {
+    let (image, reference) = (image.as_ref(), reference.as_ref());
+    let layer = options.layer.as_deref();
+    let (image, _) = choose(image, read(image)?, layer)?;
+    let picture = read(reference)?;
+    let standard_error = match &options.standard_error {
+        Some(path) => Some(read(path)?.image),
+        None if layer.is_none() => picture.layer("standard_error").map(|layer| Image {
+            width: picture.image.width,
+            height: picture.image.height,
+            pixels: layer.channels.to_pixels(),
+        }),
+        None => None,
+    };
+    let (reference, coloured) = choose(reference, picture, layer)?;
+    let mut figures = compare(&image, &reference, standard_error.as_ref())?;
+    if !coloured {
+        figures.flip = None;
+    }
+    Ok(figures)
+}
+
+/// The image of `picture` or its layer, and whether it holds colours.
+fn choose(path: &Path, picture: Picture, layer: Option<&str>) -> Result<(Image, bool)> {
+    let Some(name) = layer else { return Ok((picture.image, true)) };
+    match picture.layer(name) {
+        Some(layer) => {
+            let Image { width, height, .. } = picture.image;
+            let coloured = matches!(layer.channels, super::LayerData::Rgb(_));
+            Ok((Image { width, height, pixels: layer.channels.to_pixels() }, coloured))
+        }
+        None => {
+            let names: Vec<&str> = picture.layers.iter().map(|layer| &*layer.name).collect();
+            let known = if names.is_empty() { "it has none".into() } else { format!("it has {}", names.join(", ")) };
+            Err(Error::asset(path, format!("there is no layer \"{name}\"; {known}")))
+        }
+    }
+}
+
+impl fmt::Display for Figures {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let triple = |[r, g, b]: [f64; 3]| format!("{r:.6} {g:.6} {b:.6}");
+        let black = "undefined: the reference's mean is 0";
+        writeln!(f, "size       {} × {}", self.width, self.height)?;
+        writeln!(f, "mean       {}", triple(self.mean))?;
+        writeln!(f, "reference  {}", triple(self.reference_mean))?;
+        let subtracted = if self.variance_subtracted { "  (reference's own variance subtracted)" } else { "" };
+        writeln!(f, "RMSE       {:.6}{subtracted}", self.rmse)?;
+        match self.rel_mse {
+            Some(value) => writeln!(f, "relMSE     {value:.6}{subtracted}")?,
+            None => writeln!(f, "relMSE     {black}")?,
+        }
+        match self.bias {
+            Some(value) => writeln!(f, "bias       {:+.3} %", 100.0 * value)?,
+            None => writeln!(f, "bias       {black}")?,
+        }
+        if let Some(value) = self.flip {
+            writeln!(f, "FLIP       {value:.6}")?;
+        }
+        for (whose, found) in [("image", self.non_finite), ("reference", self.reference_non_finite)] {
+            if let Some(NonFinite { count, first: [x, y] }) = found {
+                writeln!(f, "not finite {count} pixels of the {whose}, left out; the first in column {x}, row {y}")?;
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,83 @@
+//! Files that appear whole or not at all.
+
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use crate::{Error, Result};
+
+/// Writes a file by `fill`, aside in the same folder, and renames it to `path` once it is on the disk:
+/// whoever reads `path` sees the old contents or the new, never a part, and a failure leaves the
+/// old as it was. An existing file keeps its permissions, a new one gets the usual ones; a link
+/// keeps pointing at the file it points at.
+///
+/// Errors: [`Error::Output`].
+pub fn write_aside(
+    path: impl AsRef<Path>,
+    fill: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>,
+) -> Result<()> {
+    let path = path.as_ref();
+    check_target(path)?;
+    // Renaming onto a link would replace the link; its target is meant.
+    let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
+    replace(&target, fill).map_err(|error| Error::output(path, error))
+}
+
+fn replace(target: &Path, fill: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>) -> io::Result<()> {
+    let folder = folder_of(target);
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".volpm-").suffix(".part");
+    // Temporary files are private by default; the process's umask still applies to this.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    let mut aside = builder.tempfile_in(&folder)?;
+
+    let mut buffer = BufWriter::with_capacity(1 << 16, aside.as_file_mut());
+    fill(&mut buffer)?;
+    buffer.flush()?;
+    drop(buffer);
+    if let Ok(existing) = fs::metadata(target) {
+        aside.as_file().set_permissions(existing.permissions())?;
+    }
+    aside.as_file().sync_all()?;
+    aside.persist(target).map_err(|error| error.error)?;
+    // The name itself is in the folder. Not every file system can sync one, and the data is safe.
+    #[cfg(unix)]
+    if let Ok(folder) = File::open(&folder) {
+        let _ = folder.sync_all();
+    }
+    Ok(())
+}
+
+/// Checks before the work starts that a file could be written at `path`: its folder exists, and
+/// nothing but a file is in its place.
+///
+/// Errors: [`Error::Output`].
+pub fn check_target(path: impl AsRef<Path>) -> Result<()> {
+    let path = path.as_ref();
+    if path.file_name().is_none() {
+        return Err(Error::output(path, "a file name is expected"));
+    }
+    let folder = folder_of(path);
+    match fs::metadata(&folder) {
+        Ok(metadata) if metadata.is_dir() => {}
+        Ok(_) => return Err(Error::output(path, format!("{} is not a folder", folder.display()))),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => {
+            return Err(Error::output(path, format!("there is no folder {}; create it first", folder.display())));
+        }
+        Err(error) => return Err(Error::output(path, format!("{}: {error}", folder.display()))),
+    }
+    match fs::metadata(path) {
+        Ok(metadata) if metadata.is_dir() => Err(Error::output(path, "this is a folder; name a file in it")),
+        Ok(metadata) if !metadata.is_file() => Err(Error::output(path, "only a plain file can be replaced")),
+        _ => Ok(()),
+    }
+}
+
+/// The folder `path` lies in.
+fn folder_of(path: &Path) -> PathBuf {
+    match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent.to_path_buf(),
+        _ => PathBuf::from("."),
+    }
+}
