@@ -3,6 +3,8 @@
 #![warn(missing_docs)]
 
 pub mod error;
+pub mod gather;
 pub mod math;
+pub mod photon;
 
 pub use error::{Error, Result};
