@@ -3,8 +3,16 @@
 #![warn(missing_docs)]
 
 pub mod error;
+pub mod gather;
+pub mod geometry;
 pub mod image;
+pub mod light;
 pub mod math;
 pub mod medium;
+pub mod photon;
+pub mod render;
+pub mod scene;
+pub mod surface;
+pub mod transport;
 
 pub use error::{Error, Result};

@@ -1,0 +1,9 @@
+//! Radiance from photons: sums over the discs that an eye ray meets.
+
+mod beam;
+mod depth;
+mod phase;
+
+pub use beam::{BeamQuery, GatherStats, Gathered};
+pub use depth::DepthTable;
+pub use phase::{Lobe, PhaseLanes};

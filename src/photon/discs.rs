@@ -1,0 +1,204 @@
+//! The hierarchy over blocks of photons: a median-split tree of which four levels at a time are
+//! collapsed into one node of sixteen children, each bounded by a sphere and by a box.
+
+use super::map::Block;
+use super::simd::{LANES, Row};
+use glam::Vec3;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Marks a child that is a block.
+pub(crate) const LEAF: u32 = 1 << 31;
+
+/// Enough for the nodes that wait during a walk: fifteen for each of at most eight levels.
+pub(crate) const STACK: usize = 8 * LANES;
+
+/// Subtrees of fewer blocks are built by one thread.
+const PARALLEL_BLOCKS: usize = 512;
+
+/// Levels of the median split that make one node.
+const LEVELS: u32 = 4;
+
+/// Sixteen subtrees: their bounds, and where they are.
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+pub(crate) struct Node {
+    /// Centres of spheres around the discs, in any orientation.
+    pub center: [Row; 3],
+    /// The spheres' radii; −∞ for a child that does not exist.
+    pub radius: Row,
+    /// Lowest corners of boxes around the discs, in any orientation.
+    pub min: [Row; 3],
+    /// Highest corners; below the lowest for a child that does not exist.
+    pub max: [Row; 3],
+    /// Indices of nodes, or of blocks with [`LEAF`] set.
+    pub children: [u32; LANES],
+}
+
+impl Node {
+    const EMPTY: Node = Node {
+        center: [Row([0.0; LANES]); 3],
+        radius: Row([f32::NEG_INFINITY; LANES]),
+        min: [Row([f32::INFINITY; LANES]); 3],
+        max: [Row([f32::NEG_INFINITY; LANES]); 3],
+        children: [0; LANES],
+    };
+
+    /// Which children are blocks.
+    #[inline(always)]
+    pub(crate) fn leaves(&self) -> u16 {
+        let mut bits = 0;
+        for (lane, child) in self.children.iter().enumerate() {
+            bits |= ((child >> 31) as u16) << lane;
+        }
+        bits
+    }
+}
+
+/// What encloses a subtree.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Extent {
+    /// Lowest corner of the box around the discs.
+    pub min: Vec3,
+    /// Highest corner.
+    pub max: Vec3,
+    /// Centre of the sphere around the discs.
+    center: Vec3,
+    /// Its radius.
+    radius: f32,
+    /// The sum over blocks of the longest edge of the box around their photons.
+    pub block_sizes: f64,
+}
+
+/// Builds the tree over `blocks`. `radii` holds the discs' radii, sixteen a block; `None` bounds the
+/// positions alone. The root is the first node. No node if there is no block.
+pub(crate) fn build(blocks: &[Block], photons: usize, radii: Option<&[f32]>) -> (Vec<Node>, Extent) {
+    let input = Input { blocks, photons, radii };
+    if blocks.is_empty() {
+        return (Vec::new(), Extent::around(Vec3::INFINITY, Vec3::NEG_INFINITY));
+    }
+    let mut nodes = vec![Node::EMPTY; node_count(blocks.len())];
+    let extent = input.fill(0..blocks.len(), 0, &mut nodes);
+    (nodes, extent)
+}
+
+/// Photons in block `block` of a map of `photons`.
+pub(crate) fn photons_in(block: usize, photons: usize) -> usize {
+    (photons - block * LANES).min(LANES)
+}
+
+struct Input<'a> {
+    blocks: &'a [Block],
+    photons: usize,
+    radii: Option<&'a [f32]>,
+}
+
+impl Extent {
+    fn around(min: Vec3, max: Vec3) -> Self {
+        Extent { min, max, center: 0.5 * (min + max), radius: 0.0, block_sizes: 0.0 }
+    }
+}
+
+impl Input<'_> {
+    /// Fills `nodes` with the tree over the blocks of `range`; `first` is the index of its root.
+    fn fill(&self, range: Range<usize>, first: usize, nodes: &mut [Node]) -> Extent {
+        let parts = parts(&range);
+        let Some((root, mut rest)) = nodes.split_first_mut() else {
+            return Extent::around(Vec3::INFINITY, Vec3::NEG_INFINITY);
+        };
+        let mut jobs = Vec::with_capacity(LANES);
+        let mut next = first + 1;
+        for (lane, part) in parts.windows(2).map(|ends| ends[0]..ends[1]).enumerate() {
+            if part.len() == 1 {
+                root.children[lane] = LEAF | part.start as u32;
+                jobs.push((part, 0, Default::default()));
+            } else {
+                let count = node_count(part.len());
+                let (own, others) = rest.split_at_mut(count);
+                rest = others;
+                root.children[lane] = next as u32;
+                jobs.push((part, next, own));
+                next += count;
+            }
+        }
+        let run = |(part, first, own): (Range<usize>, usize, &mut [Node])| {
+            if own.is_empty() { self.block(part.start) } else { self.fill(part, first, own) }
+        };
+        let children: Vec<Extent> = if range.len() >= PARALLEL_BLOCKS {
+            jobs.into_par_iter().map(run).collect()
+        } else {
+            jobs.into_iter().map(run).collect()
+        };
+
+        let (mut min, mut max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        for (lane, child) in children.iter().enumerate() {
+            // A ray's distance to a centre is computed with an error of some roundings of the
+            // coordinates; bounds are grown by it.
+            let slack = 8.0 * f32::EPSILON * (child.min.abs().max(child.max.abs())).max_element();
+            for axis in 0..3 {
+                root.center[axis].0[lane] = child.center[axis];
+                root.min[axis].0[lane] = child.min[axis] - slack;
+                root.max[axis].0[lane] = child.max[axis] + slack;
+            }
+            root.radius.0[lane] = child.radius + slack;
+            min = min.min(child.min);
+            max = max.max(child.max);
+        }
+        let mut extent = Extent::around(min, max);
+        for child in &children {
+            extent.radius = extent.radius.max(extent.center.distance(child.center) + child.radius);
+            extent.block_sizes += child.block_sizes;
+        }
+        extent.radius = extent.radius.min(max.distance(extent.center));
+        extent
+    }
+
+    fn block(&self, index: usize) -> Extent {
+        let count = photons_in(index, self.photons);
+        let position = &self.blocks[index].position;
+        let at = |lane: usize| Vec3::new(position[0].0[lane], position[1].0[lane], position[2].0[lane]);
+        let disc = |lane: usize| self.radii.map_or(0.0, |radii| radii[index * LANES + lane]);
+        let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        let (mut min, mut max) = (low, high);
+        for lane in 0..count {
+            let (x, r) = (at(lane), disc(lane));
+            low = low.min(x);
+            high = high.max(x);
+            min = min.min(x - r);
+            max = max.max(x + r);
+        }
+        let center = 0.5 * (low + high);
+        let radius = (0..count).fold(0.0f32, |radius, lane| radius.max(center.distance(at(lane)) + disc(lane)));
+        Extent { min, max, center, radius, block_sizes: f64::from((high - low).max_element()) }
+    }
+}
+
+/// Where a range of blocks is split: up to sixteen parts, none empty. The order of photons splits at
+/// the same places.
+fn parts(range: &Range<usize>) -> smallvec::SmallVec<[usize; LANES + 1]> {
+    if range.len() <= LANES {
+        return (range.start..=range.end).collect();
+    }
+    let mut ends: smallvec::SmallVec<[usize; LANES + 1]> = smallvec::smallvec![range.start, range.end];
+    for _ in 0..LEVELS {
+        let mut finer = smallvec::smallvec![range.start];
+        for pair in ends.windows(2) {
+            let half = (pair[1] - pair[0]) / 2;
+            if half > 0 {
+                finer.push(pair[0] + half);
+            }
+            finer.push(pair[1]);
+        }
+        ends = finer;
+    }
+    ends
+}
+
+/// How many nodes the tree over `blocks` blocks has.
+fn node_count(blocks: usize) -> usize {
+    if blocks <= LANES {
+        return 1;
+    }
+    let inner = |ends: &[usize]| if ends[1] - ends[0] > 1 { node_count(ends[1] - ends[0]) } else { 0 };
+    1 + parts(&(0..blocks)).windows(2).map(inner).sum::<usize>()
+}

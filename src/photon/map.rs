@@ -1,0 +1,440 @@
+//! The volume photon map: photons in blocks of sixteen, in the order of a median split.
+
+use super::discs::{self, Node, photons_in};
+use super::kernel::BIWEIGHT;
+use super::radii;
+use super::simd::{Isa, LANES, Row};
+use crate::math::{Bounds, Vec3};
+use rayon::prelude::*;
+use smallvec::SmallVec;
+
+/// A photon at a collision in a medium.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Photon {
+    /// Where it collided.
+    pub position: Vec3,
+    /// The unit direction it travelled in.
+    pub direction: Vec3,
+    /// Its flux \[W\] into the collision, already divided by the number of emitted photons, times
+    /// the albedo there.
+    pub power: Vec3,
+    /// Events between the light and this collision, at most 255; 0 for light that came straight.
+    pub events: u8,
+}
+
+/// How wide photons are spread.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Radius {
+    /// The same for all, above 0.
+    Fixed(f32),
+    /// r = D (n/m)^{1/3} with the distance D to the m-th nearest *other* photon (Jarosz et al. 2008,
+    /// §4): the disc of a photon reaches as far as its n-th neighbour would in an even density.
+    Variable {
+        /// n, the photons that a disc's sphere should hold.
+        neighbours: u32,
+        /// m, the neighbour that is looked for, at least 1.
+        pilot: u32,
+        /// No radius exceeds this. If it is not finite, the diagonal of the box around the photons.
+        max_radius: f32,
+    },
+}
+
+/// What a map stores.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MapSettings {
+    /// How wide photons are spread.
+    pub radius: Radius,
+    /// Multiplies every radius, the cap included: progressive passes shrink it.
+    pub scale: f32,
+    /// Whether photons remember their number of events.
+    pub tagged: bool,
+    /// Whether walls near a photon correct its contribution.
+    pub boundaries: bool,
+}
+
+impl MapSettings {
+    /// Untagged, corrected at walls, radii as they are.
+    pub fn new(radius: Radius) -> Self {
+        MapSettings { radius, scale: 1.0, tagged: false, boundaries: true }
+    }
+}
+
+/// A wall near a photon, taken as a plane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plane {
+    /// The unit normal on the photon's side.
+    pub normal: Vec3,
+    /// The photon's distance, not negative.
+    pub distance: f32,
+}
+
+/// Radii of a map's discs, all 0 if it is empty.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Radii {
+    /// The smallest.
+    pub min: f32,
+    /// The mean.
+    pub mean: f32,
+    /// The largest.
+    pub max: f32,
+}
+
+/// Sixteen photons. Lanes without one lie at infinity and have no power.
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+pub(crate) struct Block {
+    pub position: [Row; 3],
+    /// 1/r².
+    pub inverse_square: Row,
+    pub direction: [Row; 3],
+    /// 3/π · power/r².
+    pub power: [Row; 3],
+}
+
+impl Block {
+    const EMPTY: Block = Block {
+        position: [Row([f32::INFINITY; LANES]); 3],
+        inverse_square: Row([f32::INFINITY; LANES]),
+        direction: [Row([0.0; LANES]); 3],
+        power: [Row([0.0; LANES]); 3],
+    };
+}
+
+/// At most one wall for each photon of a block; lanes without one have `distance` ∞.
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+pub(crate) struct WallLayer {
+    pub normal: [Row; 3],
+    pub distance: Row,
+}
+
+impl WallLayer {
+    const EMPTY: WallLayer = WallLayer { normal: [Row([0.0; LANES]); 3], distance: Row([f32::INFINITY; LANES]) };
+}
+
+/// Walls that a photon may be near: a corner has three.
+const WALLS: usize = 3;
+
+/// Radii of this many roundings of the largest coordinate, at least: below, the distance between a
+/// photon and a ray is mostly rounding.
+const MIN_RADIUS_ROUNDINGS: f32 = 4.0;
+
+/// The smallest radius as a share of `max_radius`.
+const MIN_RADIUS_SHARE: f32 = 1e-6;
+
+/// The smallest radius whose inverse square, and a power divided by it, stay finite in `f32`.
+const MIN_RADIUS: f32 = 1e-12;
+
+/// Blocks that one task handles.
+const CHUNK: usize = 256;
+
+/// Subsets of fewer photons are ordered by one thread.
+const PARALLEL_PHOTONS: usize = 8192;
+
+/// Where boxes bound discs better than spheres: mean radius over the mean longest edge of the box
+/// around a block's photons. Measured in `benches/beam.rs`.
+const BOXES_BELOW: f64 = 0.5;
+
+/// Photons, their discs' radii, and a hierarchy over the discs.
+///
+/// About 44 bytes a photon; one more if tagged, 16 to 48 more for those in blocks near walls.
+#[derive(Clone, Debug)]
+pub struct PhotonMap {
+    pub(crate) blocks: Vec<Block>,
+    /// Events of the photons, if tagged.
+    pub(crate) events: Vec<[u8; LANES]>,
+    pub(crate) nodes: Vec<Node>,
+    /// For each block where its layers start in `walls`; one more entry than blocks, or none at all
+    /// if no photon is near a wall.
+    pub(crate) wall_starts: Vec<u32>,
+    pub(crate) walls: Vec<WallLayer>,
+    /// Whether walks test boxes rather than spheres.
+    pub(crate) boxes: bool,
+    pub(crate) isa: Isa,
+    photons: usize,
+    rejected: usize,
+    radii: Radii,
+    bounds: Bounds,
+}
+
+impl PhotonMap {
+    /// Orders `photons`, finds their radii, and builds the hierarchy; in parallel, on the current
+    /// thread pool, with the same result for any number of threads.
+    ///
+    /// `planes` is asked for the walls near a photon, once radii are known: a wall matters if it is
+    /// closer than *twice* the photon's radius, because the disc is drawn around a foot point that
+    /// may be a radius away. The three nearest count.
+    ///
+    /// *Variable radii:* among fewer than m + 1 photons the farthest stands for the m-th neighbour,
+    /// with its own count; a single photon gets `max_radius`. Photons at one place get the smallest
+    /// radius: a millionth of `max_radius`, or four roundings of the largest coordinate.
+    ///
+    /// Photons that are not finite, and those beyond 2³² − 1, are left out and counted.
+    pub fn build(
+        mut photons: Vec<Photon>,
+        settings: &MapSettings,
+        planes: &(impl Fn(Vec3, f32, &mut SmallVec<[Plane; 3]>) + Sync),
+    ) -> PhotonMap {
+        let given = photons.len();
+        photons.truncate(u32::MAX as usize);
+        if !photons.par_iter().all(Photon::is_finite) {
+            photons.retain(Photon::is_finite);
+        }
+        let count = photons.len();
+        let isa = Isa::best();
+        let mut blocks = ordered(&photons, settings.tagged);
+        let events = std::mem::take(&mut blocks.1);
+        let mut blocks = blocks.0;
+        drop(photons);
+
+        let radii = radii_of(isa, &blocks, count, settings);
+        blocks.par_iter_mut().zip(radii.par_chunks(LANES)).enumerate().for_each(|(index, (block, radii))| {
+            for (lane, &r) in radii[..photons_in(index, count)].iter().enumerate() {
+                block.inverse_square.0[lane] = 1.0 / (r * r);
+                for power in &mut block.power {
+                    power.0[lane] *= BIWEIGHT as f32 / (r * r);
+                }
+            }
+        });
+        let (nodes, extent) = discs::build(&blocks, count, Some(&radii));
+        let (wall_starts, walls) =
+            if settings.boundaries { walls_of(&blocks, count, &radii, planes) } else { Default::default() };
+
+        let summary = summary(&radii[..count]);
+        let size = extent.block_sizes / blocks.len().max(1) as f64;
+        PhotonMap {
+            boxes: f64::from(summary.mean) < BOXES_BELOW * size,
+            isa,
+            photons: count,
+            rejected: given - count,
+            radii: summary,
+            bounds: Bounds { min: extent.min.as_dvec3(), max: extent.max.as_dvec3() },
+            blocks,
+            events,
+            nodes,
+            wall_starts,
+            walls,
+        }
+    }
+
+    /// How many photons it holds.
+    pub fn len(&self) -> usize {
+        self.photons
+    }
+
+    /// Whether it holds none.
+    pub fn is_empty(&self) -> bool {
+        self.photons == 0
+    }
+
+    /// How many photons were left out because a number was not finite.
+    pub fn rejected(&self) -> usize {
+        self.rejected
+    }
+
+    /// Memory taken, in bytes.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&*self.blocks)
+            + size_of_val(&*self.events)
+            + size_of_val(&*self.nodes)
+            + size_of_val(&*self.wall_starts)
+            + size_of_val(&*self.walls)
+    }
+
+    /// The discs' radii.
+    pub fn radii(&self) -> Radii {
+        self.radii
+    }
+
+    /// A box around all discs: a ray that misses it gathers nothing. Empty for an empty map.
+    pub fn bounds(&self) -> Bounds {
+        self.bounds
+    }
+
+    /// The layers of walls near block `index`.
+    #[inline(always)]
+    pub(crate) fn walls(&self, index: usize) -> &[WallLayer] {
+        if self.wall_starts.is_empty() {
+            return &[];
+        }
+        &self.walls[self.wall_starts[index] as usize..self.wall_starts[index + 1] as usize]
+    }
+}
+
+impl Photon {
+    fn is_finite(&self) -> bool {
+        self.position.is_finite() && self.direction.is_finite() && self.power.is_finite()
+    }
+}
+
+/// A photon's place and its index.
+#[derive(Clone, Copy)]
+struct Item {
+    position: [f32; 3],
+    photon: u32,
+}
+
+/// Photons in blocks, in median order, with the powers they came with; and their events.
+fn ordered(photons: &[Photon], tagged: bool) -> (Vec<Block>, Vec<[u8; LANES]>) {
+    let mut items: Vec<Item> = photons
+        .par_iter()
+        .enumerate()
+        .map(|(i, photon)| Item { position: photon.position.to_array(), photon: i as u32 })
+        .collect();
+    split(&mut items);
+    let blocks = items
+        .par_chunks(LANES)
+        .map(|items| {
+            let mut block = Block::EMPTY;
+            for (lane, item) in items.iter().enumerate() {
+                let photon = &photons[item.photon as usize];
+                for axis in 0..3 {
+                    block.position[axis].0[lane] = item.position[axis];
+                    block.direction[axis].0[lane] = photon.direction[axis];
+                    block.power[axis].0[lane] = photon.power[axis];
+                }
+            }
+            block
+        })
+        .collect();
+    let events = |items: &[Item]| {
+        let mut events = [u8::MAX; LANES];
+        for (event, item) in events.iter_mut().zip(items) {
+            *event = photons[item.photon as usize].events;
+        }
+        events
+    };
+    (blocks, if tagged { items.par_chunks(LANES).map(events).collect() } else { Vec::new() })
+}
+
+/// Puts items in the order of a median split along the longest edge, down to blocks. Splits fall
+/// between whole blocks, where the hierarchy splits too.
+fn split(items: &mut [Item]) {
+    let blocks = items.len().div_ceil(LANES);
+    if blocks <= 1 {
+        return;
+    }
+    let (mut min, mut max) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+    for item in items.iter() {
+        for axis in 0..3 {
+            min[axis] = min[axis].min(item.position[axis]);
+            max[axis] = max[axis].max(item.position[axis]);
+        }
+    }
+    let axis = (Vec3::from(max) - Vec3::from(min)).max_position();
+    let middle = blocks / 2 * LANES;
+    items.select_nth_unstable_by(middle, |a, b| a.position[axis].total_cmp(&b.position[axis]));
+    let (low, high) = items.split_at_mut(middle);
+    if low.len() + high.len() >= PARALLEL_PHOTONS {
+        rayon::join(|| split(low), || split(high));
+    } else {
+        split(low);
+        split(high);
+    }
+}
+
+/// The radius of every disc, sixteen a block.
+fn radii_of(isa: Isa, blocks: &[Block], photons: usize, settings: &MapSettings) -> Vec<f32> {
+    let scale = settings.scale;
+    let (neighbours, pilot, max_radius) = match settings.radius {
+        Radius::Fixed(radius) => return vec![(radius * scale).max(MIN_RADIUS); blocks.len() * LANES],
+        Radius::Variable { neighbours, pilot, max_radius } => (neighbours.max(1), pilot.max(1), max_radius),
+    };
+    let (nodes, extent) = discs::build(blocks, photons, None);
+    let diagonal = extent.max.distance(extent.min);
+    let largest_coordinate = extent.max.abs().max(extent.min.abs()).max_element();
+    let cap = match (max_radius.is_finite(), diagonal > 0.0) {
+        (true, _) => max_radius * scale,
+        (false, true) => diagonal * scale,
+        (false, false) => scale,
+    }
+    .max(MIN_RADIUS);
+    let least =
+        (MIN_RADIUS_ROUNDINGS * f32::EPSILON * largest_coordinate).max(MIN_RADIUS_SHARE * cap).clamp(MIN_RADIUS, cap);
+    if photons <= 1 {
+        return vec![cap; blocks.len() * LANES];
+    }
+    let m = (pilot as usize).min(photons - 1);
+    let growth = scale * (f64::from(neighbours) / m as f64).cbrt() as f32;
+    let mut radii = radii::nearest(isa, blocks, photons, &nodes, m);
+    radii.par_iter_mut().for_each(|r| *r = (growth * r.sqrt()).clamp(least, cap));
+    radii
+}
+
+/// Extremes and mean, summed in a fixed order.
+fn summary(radii: &[f32]) -> Radii {
+    if radii.is_empty() {
+        return Radii::default();
+    }
+    let parts: Vec<(f32, f64, f32)> = radii
+        .par_chunks(CHUNK * LANES)
+        .map(|part| {
+            part.iter()
+                .fold((f32::INFINITY, 0.0, 0.0f32), |(min, sum, max), &r| (min.min(r), sum + f64::from(r), max.max(r)))
+        })
+        .collect();
+    let sum: f64 = parts.iter().map(|part| part.1).sum();
+    Radii {
+        min: parts.iter().fold(f32::INFINITY, |min, part| min.min(part.0)),
+        mean: (sum / radii.len() as f64) as f32,
+        max: parts.iter().fold(0.0, |max, part| max.max(part.2)),
+    }
+}
+
+/// Layers of walls for every block, and where each block's start; nothing if there are no walls.
+fn walls_of(
+    blocks: &[Block],
+    photons: usize,
+    radii: &[f32],
+    planes: &(impl Fn(Vec3, f32, &mut SmallVec<[Plane; 3]>) + Sync),
+) -> (Vec<u32>, Vec<WallLayer>) {
+    let parts: Vec<(Vec<u32>, Vec<WallLayer>)> = blocks
+        .par_chunks(CHUNK)
+        .enumerate()
+        .map(|(chunk, blocks)| {
+            let mut counts = Vec::with_capacity(blocks.len());
+            let mut walls: Vec<WallLayer> = Vec::new();
+            let mut found = SmallVec::new();
+            for (index, block) in blocks.iter().enumerate() {
+                let first = walls.len();
+                let index = chunk * CHUNK + index;
+                for lane in 0..photons_in(index, photons) {
+                    let position = Vec3::from(block.position.each_ref().map(|row| row.0[lane]));
+                    let radius = radii[index * LANES + lane];
+                    found.clear();
+                    planes(position, radius, &mut found);
+                    found.retain(|plane| plane.distance < 2.0 * radius);
+                    found.sort_by(|a: &Plane, b: &Plane| a.distance.total_cmp(&b.distance));
+                    for (layer, plane) in found.iter().take(WALLS).enumerate() {
+                        if first + layer == walls.len() {
+                            walls.push(WallLayer::EMPTY);
+                        }
+                        let wall = &mut walls[first + layer];
+                        wall.distance.0[lane] = plane.distance;
+                        for axis in 0..3 {
+                            wall.normal[axis].0[lane] = plane.normal[axis];
+                        }
+                    }
+                }
+                counts.push((walls.len() - first) as u32);
+            }
+            (counts, walls)
+        })
+        .collect();
+    let total: usize = parts.iter().map(|part| part.1.len()).sum();
+    if total == 0 {
+        return Default::default();
+    }
+    let mut starts = Vec::with_capacity(blocks.len() + 1);
+    let mut walls = Vec::with_capacity(total);
+    let mut start = 0;
+    starts.push(start);
+    for (counts, part) in parts {
+        for count in counts {
+            start += count;
+            starts.push(start);
+        }
+        walls.extend(part);
+    }
+    (starts, walls)
+}
