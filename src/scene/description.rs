@@ -21,12 +21,19 @@ pub struct Place {
 }
 
 /// The text a value comes from.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, PartialEq)]
 pub(crate) enum Source {
-    /// A scene file; line and column count from 1, columns in characters.
-    File { file: Arc<str>, line: u32, column: u32 },
+    /// A byte of a scene file.
+    File { offset: usize, document: Arc<Document> },
     /// An override of the command line, as it was typed: `key=value`.
     Override(Arc<str>),
+}
+
+/// A scene file as it was read.
+#[derive(PartialEq)]
+pub(crate) struct Document {
+    pub(crate) name: String,
+    pub(crate) text: String,
 }
 
 impl Place {
@@ -41,12 +48,30 @@ impl Place {
     }
 }
 
+impl Source {
+    /// Line and column, from 1, columns in characters; `None` for an override.
+    pub(crate) fn line_and_column(&self) -> Option<(usize, usize)> {
+        let Source::File { document, offset } = self else { return None };
+        let before = document.text.get(..*offset).unwrap_or(&document.text);
+        let start = before.rfind('\n').map_or(0, |newline| newline + 1);
+        let lines = before.bytes().filter(|&byte| byte == b'\n').count();
+        Some((lines + 1, before[start..].chars().count() + 1))
+    }
+}
+
 impl fmt::Display for Source {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Source::File { file, line, column } => write!(f, "{file}:{line}:{column}"),
-            Source::Override(text) => write!(f, "--set {text}"),
+        match (self, self.line_and_column()) {
+            (Source::File { document, .. }, Some((line, column))) => write!(f, "{}:{line}:{column}", document.name),
+            (Source::File { document, .. }, None) => f.write_str(&document.name),
+            (Source::Override(text), _) => write!(f, "--set {text}"),
         }
+    }
+}
+
+impl fmt::Debug for Source {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
     }
 }
 
