@@ -1,0 +1,13 @@
+//! What a scene file may say, and reading it with places kept for errors.
+//!
+//! [`read`] turns the text of a scene file and the overrides of the command line into a
+//! [`Description`]: typed, checked, references resolved, but no other file opened yet.
+
+pub mod description;
+mod overrides;
+mod read;
+mod table;
+mod tree;
+
+pub use description::{Description, Located, Place};
+pub use read::{parse, read};

@@ -1,0 +1,317 @@
+//! From the text of a scene file to its [`Description`].
+
+mod lights;
+mod materials;
+mod media;
+mod shapes;
+mod transform;
+mod warnings;
+
+use std::fs::File;
+use std::io::Read as _;
+use std::path::Path;
+use std::sync::Arc;
+
+use super::description::{
+    Camera, Description, Document, Film, Filter, Kernel, Method, Photons, Render, ToneMap, Unit, Volume, World,
+};
+use super::table::{Item, Problems, Read, Table, unit};
+use super::{overrides, tree};
+use crate::math::DVec3;
+use crate::{Error, Result};
+
+/// The largest scene file that is read, in bytes; instances by the hundred thousand fit.
+const LARGEST_FILE: u64 = 64 << 20;
+
+/// The most pixels a film may have.
+const MOST_PIXELS: u64 = 1 << 31;
+
+/// Reads the scene file at `path` with `overrides` of the form `key=value` applied in order.
+///
+/// # Errors
+///
+/// [`Error::Asset`] if the file cannot be read or is no text; [`Error::Scene`] with one line for each
+/// mistake in it: file, line, column, key, what was found and what was expected.
+pub fn read(path: &Path, overrides: &[String]) -> Result<Description> {
+    parse(&text_of(path)?, path, overrides)
+}
+
+/// Reads the text of a scene file; `path` is what errors call it and what file names are resolved against.
+///
+/// # Errors
+///
+/// [`Error::Scene`], as [`read`].
+pub fn parse(text: &str, path: &Path, overrides: &[String]) -> Result<Description> {
+    let document = Document { name: path.display().to_string(), text: text.to_owned() };
+    let mut root = tree::parse(&Arc::new(document))?;
+    let problems = Problems::default();
+    for text in overrides {
+        overrides::apply(&mut root, text, &problems);
+    }
+    let description = Item::root(&root, &problems).table().and_then(|table| describe(&table, path));
+    problems.check()?;
+    // A value that could not be read has left a problem behind.
+    description.map_err(|_| Error::Scene(format!("{}: cannot be read", path.display())))
+}
+
+fn text_of(path: &Path) -> Result<String> {
+    let failed = |error: std::io::Error| Error::asset(path, format!("cannot be read: {error}"));
+    let file = File::open(path).map_err(failed)?;
+    if file.metadata().map_err(failed)?.is_dir() {
+        return Err(Error::asset(path, "is a folder; expected a scene file"));
+    }
+    let mut bytes = Vec::new();
+    file.take(LARGEST_FILE + 1).read_to_end(&mut bytes).map_err(failed)?;
+    if bytes.len() as u64 > LARGEST_FILE {
+        return Err(Error::asset(path, format!("is larger than {} MiB; expected a scene file", LARGEST_FILE >> 20)));
+    }
+    String::from_utf8(bytes).map_err(|error| {
+        let valid = &error.as_bytes()[..error.utf8_error().valid_up_to()];
+        let line = valid.iter().filter(|&&byte| byte == b'\n').count() + 1;
+        Error::asset(path, format!("is not UTF-8 text (line {line}); expected a scene file"))
+    })
+}
+
+/// What names mean in one scene file.
+struct Names<'a> {
+    /// The folder that file names are relative to.
+    folder: &'a Path,
+    media: Vec<&'a str>,
+    materials: Vec<&'a str>,
+}
+
+fn describe(root: &Table, path: &Path) -> Read<Description> {
+    let title = root.get("title", |item| item.string().map(str::to_owned));
+    let film = root.section("film").and_then(|table| film(&table));
+    let camera = root.require("camera", |item| camera(&item.table()?));
+    let world_table = root.section("world");
+    let media_table = root.section("media");
+    let materials_table = root.section("materials");
+    let shape_items = root.get("shapes", |item| item.array("an array of tables, [[shapes]]"));
+    let light_items = root.get("lights", |item| item.array("an array of tables, [[lights]]"));
+    let render = root.section("render").and_then(|table| render(&table));
+    let photons = root.section("photons").and_then(|table| photons(&table));
+    let volume = root.section("volume").and_then(|table| volume(&table));
+    let surface = root.section("surface").and_then(|table| surface(&table));
+    let compare = root.later("compare");
+    let finished = root.finish();
+
+    let (media_items, material_items) = (media_table?.items(), materials_table?.items());
+    let names = Names {
+        folder: path.parent().unwrap_or(Path::new("")),
+        media: media_items.iter().map(|(name, _)| *name).collect(),
+        materials: material_items.iter().map(|(name, _)| *name).collect(),
+    };
+    let world = world_table.and_then(|table| world(&table, &names));
+    let media = all(&media_items, |(name, item)| media::medium(name, item, &names));
+    let materials = all(&material_items, |(name, item)| materials::material(name, item));
+    let shapes = shapes::shapes(&shape_items?.unwrap_or_default(), &names);
+    let lights = lights::lights(&light_items?.unwrap_or_default(), &names);
+
+    (surface?, compare?, finished?);
+    let (mut materials, media) = (materials?, media?);
+    let shapes = shapes::finish(shapes?, &mut materials, &names)?;
+    let mut description = Description {
+        path: path.to_owned(),
+        title: title?,
+        film: film?,
+        camera: camera?,
+        world: world?,
+        media,
+        materials,
+        shapes,
+        lights: lights?,
+        render: render?,
+        photons: photons?,
+        volume: volume?,
+        warnings: Vec::new(),
+    };
+    description.warnings = warnings::warnings(&description);
+    Ok(description)
+}
+
+/// Reads every item, so that all problems are noted, before the first failure counts.
+fn all<I, T>(items: &[I], read: impl FnMut(&I) -> Read<T>) -> Read<Vec<T>> {
+    let results: Vec<Read<T>> = items.iter().map(read).collect();
+    results.into_iter().collect()
+}
+
+/// The value of exactly one of two keys.
+enum Either<A, B> {
+    First(A),
+    Second(B),
+}
+
+/// Reads `first` or `second` of `table`, of which there must be exactly one.
+fn either<'a, A, B>(
+    table: &Table<'a>,
+    (first, read_first): (&'static str, impl FnOnce(&Item<'a>) -> Read<A>),
+    (second, read_second): (&'static str, impl FnOnce(&Item<'a>) -> Read<B>),
+) -> Read<Either<A, B>> {
+    let (a, b) = (table.get(first, read_first), table.get(second, read_second));
+    match (a?, b?) {
+        (Some(a), None) => Ok(Either::First(a)),
+        (None, Some(b)) => Ok(Either::Second(b)),
+        (None, None) => Err(table.fail(format!("needs `{first}` or `{second}`"))),
+        (Some(_), Some(_)) => Err(table.fail_at(second, format!("`{first}` is given too; expected only one of them"))),
+    }
+}
+
+/// `min` and `max`, which must be below on every axis.
+fn corners(table: &Table) -> Read<(DVec3, DVec3)> {
+    let (min, max) = (table.require("min", Item::vector), table.require("max", Item::vector));
+    let (min, max) = (min?, max?);
+    if min.cmplt(max).all() {
+        Ok((min, max))
+    } else {
+        Err(table.fail_at("max", format!("found {max}; expected a point above `min`, {min}, on every axis")))
+    }
+}
+
+fn film(table: &Table) -> Read<Film> {
+    let width = table.get_or("width", 640, |item| item.u32(1));
+    let height = table.get_or("height", 480, |item| item.u32(1));
+    let filter = table.get_or("filter", Filter::Box, |item| {
+        item.choice(&[("box", Filter::Box), ("tent", Filter::Tent), ("gaussian", Filter::Gaussian)], &[])
+    });
+    let exposure = table.get("exposure", Item::number);
+    let tone_map = table.get_or("tone_map", ToneMap::Filmic, |item| {
+        item.choice(&[("linear", ToneMap::Linear), ("filmic", ToneMap::Filmic)], &[])
+    });
+    let layers = table.get_or("layers", true, Item::boolean);
+    let standard_error = table.get_or("standard_error", false, Item::boolean);
+    table.finish()?;
+    let (width, height) = (width?, height?);
+    let pixels = u64::from(width) * u64::from(height);
+    if pixels > MOST_PIXELS {
+        // Three channels of 32 bits.
+        let gib = |pixels: u64| pixels as f64 * 12.0 / (1u64 << 30) as f64;
+        return Err(table.fail_at(
+            "width",
+            format!(
+                "{width} × {height} pixels take {:.0} GiB for their colours alone; expected at most {MOST_PIXELS} pixels ({:.0} GiB)",
+                gib(pixels),
+                gib(MOST_PIXELS),
+            ),
+        ));
+    }
+    Ok(Film {
+        width,
+        height,
+        filter: filter?,
+        exposure: exposure?,
+        tone_map: tone_map?,
+        layers: layers?,
+        standard_error: standard_error?,
+    })
+}
+
+fn camera(table: &Table) -> Read<Camera> {
+    let position = table.require("position", Item::vector);
+    let target = table.require("target", Item::vector);
+    let up = table.get_or("up", DVec3::Y, Item::vector);
+    let fov = table.get_or("fov", 40.0, |item| item.between(0.0, 180.0));
+    let aperture = table.get_or("aperture", 0.0, Item::length_or_zero);
+    let focus_distance = table.get("focus_distance", Item::length);
+    table.finish()?;
+
+    let (position, target, up) = (position?, target?, up?);
+    let view = target - position;
+    let Some(forward) = unit(view) else {
+        return Err(table
+            .fail_at("target", "is where the camera stands, or too far away; expected another point than `position`"));
+    };
+    // Below this angle the rows of the image would be directed by rounding.
+    const PARALLEL: f64 = 1e-9;
+    if unit(up).is_none_or(|up| up.cross(forward).length() < PARALLEL) {
+        return Err(table.fail_at("up", format!("{up} is parallel to the view, or 0; expected another direction")));
+    }
+    let distance = forward.dot(view);
+    Ok(Camera {
+        position,
+        target,
+        up,
+        fov: fov?,
+        aperture: aperture?,
+        focus_distance: focus_distance?.unwrap_or(distance),
+        place: table.place(),
+    })
+}
+
+fn world(table: &Table, names: &Names) -> Read<World> {
+    let medium = table.get("medium", |item| Ok(item.at(item.reference("medium", &names.media)?)));
+    let unit = table.get_or("unit", Unit::Metre, |item| {
+        item.choice(&[("mm", Unit::Millimetre), ("cm", Unit::Centimetre), ("m", Unit::Metre)], &[])
+    });
+    table.finish()?;
+    Ok(World { medium: medium?, unit: unit? })
+}
+
+fn render(table: &Table) -> Read<Render> {
+    let method = table.get_or("method", Method::Photon, |item| {
+        item.choice(&[("photon", Method::Photon), ("path", Method::Path)], &[])
+    });
+    let samples = table.get_or("samples", 16, |item| item.u32(1));
+    let passes = table.get("passes", |item| match item.u32(1)? {
+        1 => Ok(()),
+        _ => Err(item.unsupported("more than one pass is")),
+    });
+    let seed = table.get_or("seed", 1, |item| item.u64(0));
+    let max_depth = table.get_or("max_depth", 0, |item| item.u32(0));
+    table.finish()?;
+    passes?;
+    Ok(Render { method: method?, samples: samples?, seed: seed?, max_depth: max_depth? })
+}
+
+fn photons(table: &Table) -> Read<Photons> {
+    let volume = table.get("volume", |item| item.u64(1));
+    // Without surface maps, none is what there is.
+    let none = |item: &Item, map: &str| match item.u64(0)? {
+        0 => Ok(()),
+        _ => Err(item.unsupported(format!("the {map} photon map is"))),
+    };
+    let global = table.get("global", |item| none(item, "global"));
+    let caustic = table.get("caustic", |item| none(item, "caustic"));
+    let max_emitted = table.get_or("max_emitted", 50_000_000, |item| item.u64(1));
+    table.finish()?;
+    (global?, caustic?);
+    Ok(Photons { volume: volume?, max_emitted: max_emitted? })
+}
+
+fn volume(table: &Table) -> Read<Volume> {
+    let estimate = table.get("estimate", |item| item.choice(&[("beam", ())], &["point"]));
+    let kernel = table.get_or("kernel", Kernel::Variable, |item| {
+        item.choice(&[("fixed", Kernel::Fixed), ("variable", Kernel::Variable), ("knn", Kernel::Variable)], &[])
+    });
+    let profile = table.get("profile", |item| item.choice(&[("biweight", ())], &["epanechnikov", "constant"]));
+    let radius = table.get("radius", Item::length);
+    let neighbours = table.get("neighbours", |item| item.u32(1));
+    let pilot = table.get("pilot", |item| item.u32(5));
+    let max_radius = table.get("max_radius", Item::length);
+    let single = table.get("single_scattering", |item| item.choice(&[("photons", ())], &["traced", "approximate"]));
+    let march = table.get("march", |item| march(&item.table()?));
+    table.finish()?;
+    (estimate?, profile?, single?, march?);
+    Ok(Volume { kernel: kernel?, radius: radius?, neighbours: neighbours?, pilot: pilot?, max_radius: max_radius? })
+}
+
+/// Only point queries and traced single scattering march.
+fn march(table: &Table) -> Read<()> {
+    let step = table.get("step", |item| item.choice(&[("uniform", ()), ("adaptive", ()), ("exponential", ())], &[]));
+    let size = table.get("size", Item::length);
+    let contrast = table.get("contrast", Item::positive);
+    table.finish()?;
+    (step?, size?, contrast?);
+    Err(table.fail("marching is not supported yet"))
+}
+
+/// Surface maps are still to come; what merely says so is accepted.
+fn surface(table: &Table) -> Read<()> {
+    let keys = ["indirect", "estimate", "gather_rays", "neighbours", "filter"].map(|key| table.later(key));
+    let cache = table.get("irradiance_cache", |item| match item.boolean()? {
+        false => Ok(()),
+        true => Err(item.unsupported("the irradiance cache is")),
+    });
+    table.finish()?;
+    keys.into_iter().chain([cache.map(|_| ())]).collect()
+}

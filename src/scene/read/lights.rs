@@ -1,0 +1,120 @@
+//! `[[lights]]`
+
+use std::f64::consts::PI;
+
+use super::{Either, Names, all, either};
+use crate::math::Rgb;
+use crate::scene::description::{Beam, EnvironmentSource, Light, LightKind};
+use crate::scene::table::{Item, Read, Table, unit};
+
+pub(super) fn lights(items: &[Item], names: &Names) -> Read<Vec<Light>> {
+    all(items, |item| {
+        let table = item.table()?;
+        let name = table.get("name", |item| item.string().map(str::to_owned));
+        let kind = kind(&table, names);
+        Ok(Light { name: name?, kind: kind?, place: item.place() })
+    })
+}
+
+fn kind(table: &Table, names: &Names) -> Read<LightKind> {
+    #[derive(Clone, Copy)]
+    enum Kind {
+        Point,
+        Spot,
+        Directional,
+        Environment,
+    }
+    let kind = table.require("type", |item| {
+        let kinds = [
+            ("point", Kind::Point),
+            ("spot", Kind::Spot),
+            ("directional", Kind::Directional),
+            ("environment", Kind::Environment),
+        ];
+        item.choice(&kinds, &[])
+    })?;
+    match kind {
+        Kind::Point => point(table),
+        Kind::Spot => spot(table),
+        Kind::Directional => directional(table),
+        Kind::Environment => environment(table, names),
+    }
+}
+
+fn point(table: &Table) -> Read<LightKind> {
+    let position = table.require("position", Item::vector);
+    let strength = either(table, ("intensity", Item::colour), ("power", Item::colour));
+    let radius = table.get_or("radius", 0.0, Item::length_or_zero);
+    table.finish()?;
+    Ok(LightKind::Point { position: position?, intensity: intensity(strength?, 4.0 * PI), radius: radius? })
+}
+
+/// The intensity on the axis, from it or from the power: the intensity times `angle`.
+fn intensity(strength: Either<Rgb, Rgb>, angle: f64) -> Rgb {
+    match strength {
+        Either::First(intensity) => intensity,
+        Either::Second(power) => power / angle,
+    }
+}
+
+fn spot(table: &Table) -> Read<LightKind> {
+    // A cone as lamps have it, with an edge of a few degrees.
+    const OUTER_ANGLE: f64 = 30.0;
+    const EDGE: f64 = 5.0;
+    // Smaller cones have no solid angle in f64.
+    const SMALLEST: f64 = 1e-6;
+    let position = table.require("position", Item::vector);
+    let target = table.require("target", Item::vector);
+    let strength = either(table, ("intensity", Item::colour), ("power", Item::colour));
+    let inner_angle = table.get("inner_angle", |item| item.within(0.0, 90.0));
+    let outer_angle = table.get_or("outer_angle", OUTER_ANGLE, |item| item.within(SMALLEST, 90.0));
+    let radius = table.get_or("radius", 0.0, Item::length_or_zero);
+    table.finish()?;
+
+    let (position, inner_angle, outer_angle) = (position?, inner_angle?, outer_angle?);
+    let Some(direction) = unit(target? - position) else {
+        return Err(table
+            .fail_at("target", "is where the light stands, or too far away; expected another point than `position`"));
+    };
+    let inner_angle = inner_angle.unwrap_or((outer_angle - EDGE).max(0.0));
+    if inner_angle > outer_angle {
+        return Err(
+            table.fail_at("inner_angle", format!("found {inner_angle}; expected at most `outer_angle`, {outer_angle}"))
+        );
+    }
+    // Full inside the inner cone, half on average over cos θ in between: π(v_inner + v_outer) with v = 1 − cos θ.
+    let v = |degrees: f64| 2.0 * (0.5 * degrees.to_radians()).sin().powi(2);
+    let intensity = intensity(strength?, PI * (v(inner_angle) + v(outer_angle)));
+    if !intensity.is_finite() {
+        return Err(table.fail_at("power", "gives an intensity that exceeds the range of 64-bit numbers"));
+    }
+    Ok(LightKind::Spot { position, direction, intensity, inner_angle, outer_angle, radius: radius? })
+}
+
+fn directional(table: &Table) -> Read<LightKind> {
+    let direction = table.require("direction", Item::direction);
+    let irradiance = table.require("irradiance", Item::colour);
+    let angle = table.get_or("angle", 0.0, |item| item.from_below(0.0, 180.0));
+    let center = table.get("center", Item::vector);
+    let radius = table.get("radius", Item::length);
+    table.finish()?;
+    let beam = match (center?, radius?) {
+        (Some(center), Some(radius)) => Some(Beam { center, radius }),
+        (None, None) => None,
+        (Some(_), None) => return Err(table.fail_at("radius", "is missing beside `center`")),
+        (None, Some(_)) => return Err(table.fail_at("center", "is missing beside `radius`")),
+    };
+    Ok(LightKind::Directional { direction: direction?, irradiance: irradiance?, angle: angle?, beam })
+}
+
+fn environment(table: &Table, names: &Names) -> Read<LightKind> {
+    let source = either(table, ("radiance", Item::colour), ("file", |item| item.file(names.folder, &["exr", "hdr"])));
+    let scale = table.get_or("scale", Rgb::ONE, Item::colour);
+    let rotate = table.get_or("rotate", 0.0, Item::number);
+    table.finish()?;
+    let source = match source? {
+        Either::First(radiance) => EnvironmentSource::Constant(radiance),
+        Either::Second(file) => EnvironmentSource::Image(file),
+    };
+    Ok(LightKind::Environment { source, scale: scale?, rotate: rotate? })
+}

@@ -1,0 +1,62 @@
+//! `[materials.*]`
+
+use crate::math::Rgb;
+use crate::scene::description::{Material, MaterialKind};
+use crate::scene::table::{Item, Read};
+
+/// What shapes without a `material` are made of where they have an interior; a scene need not define it.
+pub(super) const NONE: &str = "none";
+
+pub(super) fn material(name: &str, item: &Item) -> Read<Material> {
+    #[derive(Clone, Copy)]
+    enum Kind {
+        Lambert,
+        Mirror,
+        Dielectric,
+        None,
+    }
+    let table = item.table()?;
+    let kind = table.require("type", |item| {
+        let kinds = [
+            ("lambert", Kind::Lambert),
+            ("mirror", Kind::Mirror),
+            ("dielectric", Kind::Dielectric),
+            ("none", Kind::None),
+        ];
+        item.choice(&kinds, &["oren_nayar", "schlick", "phong", "conductor"])
+    })?;
+    let kind = match kind {
+        Kind::Lambert => table
+            .get_or("reflectance", Rgb::splat(0.5), reflectance)
+            .map(|reflectance| MaterialKind::Lambert { reflectance }),
+        Kind::Mirror => {
+            table.get_or("reflectance", Rgb::ONE, reflectance).map(|reflectance| MaterialKind::Mirror { reflectance })
+        }
+        Kind::Dielectric => {
+            let ior = table.get_or("ior", Rgb::splat(1.5), Item::positive_colour);
+            let roughness = table.get("roughness", |item| match item.within(0.0, 1.0)? {
+                0.0 => Ok(()),
+                _ => Err(item.unsupported("a rough dielectric is")),
+            });
+            roughness.and(ior).map(|ior| MaterialKind::Dielectric { ior })
+        }
+        Kind::None => Ok(MaterialKind::None),
+    };
+    table.finish()?;
+    let kind = kind?;
+    if name == NONE && kind != MaterialKind::None {
+        return Err(
+            item.fail("the name is that of the index-matched boundary; expected another name, or type \"none\"")
+        );
+    }
+    Ok(Material { name: name.to_owned(), kind, place: item.place() })
+}
+
+/// A colour; textures are tables.
+fn reflectance(item: &Item) -> Read<Rgb> {
+    if !item.is_table() {
+        return item.share();
+    }
+    let table = item.table()?;
+    table.require("texture", |item| item.choice(&[], &["image", "checker", "noise"]))
+}

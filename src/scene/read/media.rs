@@ -1,0 +1,183 @@
+//! `[media.*]`
+
+use super::{Either, Names, all, either, transform::transform};
+use crate::math::{DAffine3, DVec3, Rgb};
+use crate::scene::description::{Density, Interpolation, Medium, MediumEmission, Negative, Phase};
+use crate::scene::table::{Item, Read, Table};
+
+pub(super) fn medium(name: &str, item: &Item, names: &Names) -> Read<Medium> {
+    let table = item.table()?;
+    let coefficients = coefficients(&table);
+    let phase = table.get_or("phase", Phase::Isotropic, |item| phase(&item.table()?, false));
+    let density = table.get_or("density", Density::Constant { value: 1.0 }, |item| density(&item.table()?, names));
+    let emission = table.get("emission", |item| emission(&item.table()?));
+    table.finish()?;
+    let ((sigma_s, sigma_a), density, emission) = (coefficients?, density?, emission?);
+    if let (Some(MediumEmission::BlackBody { temperature, .. }), false) =
+        (&emission, matches!(density, Density::Vdb { .. }))
+    {
+        let message = "names a second grid of the density's file; expected a `density` of type \"vdb\"";
+        return Err(item.fail_about(&temperature.place, message));
+    }
+    Ok(Medium { name: name.to_owned(), sigma_s, sigma_a, phase: phase?, density, emission, place: item.place() })
+}
+
+/// σ_s and σ_a, scaled: given as such, a missing one being 0, or as extinction and albedo.
+fn coefficients(table: &Table) -> Read<(Rgb, Rgb)> {
+    let sigma_s = table.get("sigma_s", Item::colour);
+    let sigma_a = table.get("sigma_a", Item::colour);
+    let sigma_t = table.get("sigma_t", Item::colour);
+    let albedo = table.get("albedo", Item::share);
+    let preset = table.later("preset");
+    let unit = table.get("unit", |item| item.choice(&[("scene", ())], &["mm", "cm", "m"]));
+    let scale = table.get_or("scale", 1.0, Item::non_negative);
+    (preset?, unit?);
+
+    let (sigma_s, sigma_a) = match (sigma_s?, sigma_a?, sigma_t?, albedo?) {
+        (None, None, None, None) => {
+            return Err(table.fail("has no coefficients; expected `sigma_s` and `sigma_a`, or `sigma_t` and `albedo`"));
+        }
+        (None, None, Some(sigma_t), Some(albedo)) => (sigma_t * albedo, sigma_t * (Rgb::ONE - albedo)),
+        (None, None, Some(_), None) => return Err(table.fail_at("albedo", "is missing beside `sigma_t`")),
+        (None, None, None, Some(_)) => return Err(table.fail_at("sigma_t", "is missing beside `albedo`")),
+        (sigma_s, sigma_a, None, None) => (sigma_s.unwrap_or(Rgb::ZERO), sigma_a.unwrap_or(Rgb::ZERO)),
+        (sigma_s, _, sigma_t, _) => {
+            let here = if sigma_t.is_some() { "sigma_t" } else { "albedo" };
+            let other = if sigma_s.is_some() { "sigma_s" } else { "sigma_a" };
+            let message =
+                format!("`{other}` is given too; expected either `sigma_s` and `sigma_a`, or `sigma_t` and `albedo`");
+            return Err(table.fail_at(here, message));
+        }
+    };
+    let (sigma_s, sigma_a) = (sigma_s * scale?, sigma_a * scale?);
+    if !(sigma_s + sigma_a).is_finite() {
+        return Err(table.fail("has coefficients that exceed the range of 64-bit numbers"));
+    }
+    Ok((sigma_s, sigma_a))
+}
+
+/// A phase function; a lobe of a mixture is none itself and has a weight beside its own keys.
+fn phase(table: &Table, lobe: bool) -> Read<Phase> {
+    #[derive(Clone, Copy)]
+    enum Kind {
+        Isotropic,
+        HenyeyGreenstein,
+        Schlick,
+        Rayleigh,
+        Mixture,
+    }
+    let kinds = [
+        ("isotropic", Kind::Isotropic),
+        ("hg", Kind::HenyeyGreenstein),
+        ("schlick", Kind::Schlick),
+        ("rayleigh", Kind::Rayleigh),
+        ("mixture", Kind::Mixture),
+    ];
+    let kinds = if lobe { &kinds[..4] } else { &kinds };
+    let phase = match table.require("type", |item| item.choice(kinds, &["mie"]))? {
+        Kind::Isotropic => Ok(Phase::Isotropic),
+        Kind::Rayleigh => Ok(Phase::Rayleigh),
+        Kind::HenyeyGreenstein => {
+            table.require("g", |item| item.between(-1.0, 1.0)).map(|g| Phase::HenyeyGreenstein { g })
+        }
+        Kind::Schlick => table.require("k", |item| item.between(-1.0, 1.0)).map(|k| Phase::Schlick { k }),
+        Kind::Mixture => table.require("lobes", mixture),
+    };
+    table.finish()?;
+    phase
+}
+
+fn mixture(item: &Item) -> Read<Phase> {
+    // How far the weights' sum may be off, for weights such as 0.333333.
+    const TOLERANCE: f64 = 1e-6;
+    let lobes = item.array("a list of phase functions, each with a `weight`")?;
+    let lobes = all(&lobes, |item| {
+        let table = item.table()?;
+        let weight = table.require("weight", |item| item.within(0.0, 1.0));
+        let phase = phase(&table, true);
+        Ok((weight?, phase?))
+    })?;
+    let sum: f64 = lobes.iter().map(|(weight, _)| weight).sum();
+    if (sum - 1.0).abs() > TOLERANCE {
+        return Err(item.fail(format!("the weights sum to {sum}; expected 1")));
+    }
+    Ok(Phase::Mixture(lobes.into_iter().map(|(weight, phase)| (weight / sum, phase)).collect()))
+}
+
+fn density(table: &Table, names: &Names) -> Read<Density> {
+    #[derive(Clone, Copy)]
+    enum Kind {
+        Constant,
+        Vdb,
+        Array,
+        Exponential,
+    }
+    let kind = table.require("type", |item| {
+        let kinds = [
+            ("constant", Kind::Constant),
+            ("vdb", Kind::Vdb),
+            ("array", Kind::Array),
+            ("exponential", Kind::Exponential),
+        ];
+        item.choice(&kinds, &["noise"])
+    })?;
+    match kind {
+        Kind::Constant => {
+            let value = table.get_or("value", 1.0, Item::non_negative);
+            table.finish()?;
+            Ok(Density::Constant { value: value? })
+        }
+        Kind::Vdb => {
+            let file = table.require("file", |item| item.file(names.folder, &["vdb"]));
+            let grid = table.get("grid", Item::located_string);
+            let transform = table.get_or("transform", DAffine3::IDENTITY, transform);
+            let interpolation = table.get_or("interpolation", Interpolation::Trilinear, |item| {
+                let options = [("trilinear", Interpolation::Trilinear), ("nearest", Interpolation::Nearest)];
+                item.choice(&options, &[])
+            });
+            let negative = table.get_or("negative", Negative::Error, |item| {
+                item.choice(&[("error", Negative::Error), ("zero", Negative::Zero)], &[])
+            });
+            table.finish()?;
+            Ok(Density::Vdb {
+                file: file?,
+                grid: grid?,
+                transform: transform?,
+                interpolation: interpolation?,
+                negative: negative?,
+            })
+        }
+        Kind::Array => {
+            let file = table.require("file", |item| item.file(names.folder, &["npy"]));
+            let corners = super::corners(table);
+            table.finish()?;
+            let (min, max) = corners?;
+            Ok(Density::Array { file: file?, min, max })
+        }
+        Kind::Exponential => {
+            let origin = table.get_or("origin", DVec3::ZERO, Item::vector);
+            let up = table.get_or("up", DVec3::Y, Item::nonzero_vector);
+            let scale_height = table.require("scale_height", Item::length);
+            let value = table.get_or("value", 1.0, Item::non_negative);
+            table.finish()?;
+            Ok(Density::Exponential { origin: origin?, up: up?, scale_height: scale_height?, value: value? })
+        }
+    }
+}
+
+fn emission(table: &Table) -> Read<MediumEmission> {
+    let source = either(table, ("radiance", Item::colour), ("temperature", Item::located_string));
+    let scale = table.get_or("scale", 1.0, Item::non_negative);
+    let kelvin_scale = table.get("kelvin_scale", Item::positive);
+    table.finish()?;
+    match (source?, kelvin_scale?) {
+        (Either::First(_), Some(_)) => {
+            Err(table
+                .fail_at("kelvin_scale", "has no meaning beside `radiance`; expected it beside `temperature` only"))
+        }
+        (Either::First(radiance), None) => Ok(MediumEmission::Constant { radiance: radiance * scale? }),
+        (Either::Second(temperature), kelvin_scale) => {
+            Ok(MediumEmission::BlackBody { temperature, kelvin_scale: kelvin_scale.unwrap_or(1.0), scale: scale? })
+        }
+    }
+}

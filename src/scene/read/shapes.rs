@@ -1,0 +1,325 @@
+//! `[[shapes]]`: read one by one, then instances and default materials resolved.
+
+use std::collections::HashMap;
+
+use super::materials::NONE;
+use super::transform::{NOT_INVERTIBLE, is_invertible, transform};
+use super::{Either, Names, all, either};
+use crate::math::{DAffine3, Rgb};
+use crate::scene::description::{Located, Material, MaterialKind, Shape, ShapeEmission, ShapeKind, Side, Strength};
+use crate::scene::table::{Item, Noted, Read, Table, name_of, unit};
+
+/// A shape as its own table has it: an instance's missing keys are not filled in yet.
+pub(super) struct Draft<'a> {
+    item: Item<'a>,
+    name: Option<&'a str>,
+    /// An instance's `of` is any shape here.
+    kind: ShapeKind,
+    transform: DAffine3,
+    material: Option<Located<MaterialReference>>,
+    interior: Option<Located<usize>>,
+    priority: Option<i32>,
+    emission: Option<ShapeEmission>,
+    visible: bool,
+}
+
+/// A material of the file, or `none` where the file has no such name.
+#[derive(Clone, Copy)]
+enum MaterialReference {
+    Index(usize),
+    None,
+}
+
+pub(super) fn shapes<'a>(items: &[Item<'a>], names: &Names) -> Read<Vec<Draft<'a>>> {
+    let mut by_name = HashMap::new();
+    let mut unique = Ok(());
+    for (index, item) in items.iter().enumerate() {
+        let Some(name) = name_of(item.node) else { continue };
+        if by_name.insert(name, index).is_some() {
+            unique = Err(item.fail(format!("another shape is named {name:?} too; expected each name once")));
+        }
+    }
+    let drafts = all(items, |item| draft(item, names, &by_name));
+    unique.and(drafts)
+}
+
+fn draft<'a>(item: &Item<'a>, names: &Names, by_name: &HashMap<&str, usize>) -> Read<Draft<'a>> {
+    let table = item.table()?;
+    let name = table.get("name", Item::string);
+    let transform = table.get_or("transform", DAffine3::IDENTITY, transform);
+    let material = table.get("material", |item| Ok(item.at(material_reference(item, names)?)));
+    let interior = table.get("interior", |item| Ok(item.at(item.reference("medium", &names.media)?)));
+    let priority = table.get("priority", |item| item.integer(i32::MIN.into(), i32::MAX.into()));
+    let emission = table.get("emission", |item| emission(&item.table()?));
+    let visible = table.get_or("visible", true, Item::boolean);
+    let kind = kind(&table, names, by_name);
+    Ok(Draft {
+        item: item.clone(),
+        name: name?,
+        transform: transform?,
+        material: material?,
+        interior: interior?,
+        priority: priority?,
+        emission: emission?,
+        visible: visible?,
+        kind: kind?,
+    })
+}
+
+fn material_reference(item: &Item, names: &Names) -> Read<MaterialReference> {
+    let name = item.string()?;
+    match names.materials.iter().position(|known| *known == name) {
+        Some(index) => Ok(MaterialReference::Index(index)),
+        None if name == NONE => Ok(MaterialReference::None),
+        None => {
+            let known: Vec<&str> = names.materials.iter().copied().chain([NONE]).collect();
+            item.reference("material", &known).map(MaterialReference::Index)
+        }
+    }
+}
+
+fn emission(table: &Table) -> Read<ShapeEmission> {
+    let strength = either(table, ("radiance", Item::colour), ("power", Item::colour));
+    let side = table.get_or("side", Side::Out, |item| {
+        item.choice(&[("out", Side::Out), ("in", Side::In), ("both", Side::Both)], &[])
+    });
+    table.finish()?;
+    let strength = match strength? {
+        Either::First(radiance) => Strength::Radiance(radiance),
+        Either::Second(power) => Strength::Power(power),
+    };
+    Ok(ShapeEmission { strength, side: side?, place: table.place() })
+}
+
+/// The keys of the shape's own type; they are the last to be read.
+fn kind(table: &Table, names: &Names, by_name: &HashMap<&str, usize>) -> Read<ShapeKind> {
+    #[derive(Clone, Copy)]
+    enum Kind {
+        Sphere,
+        Box,
+        Quad,
+        Disk,
+        Cylinder,
+        Mesh,
+        Instance,
+    }
+    let kind = table.require("type", |item| {
+        let kinds = [
+            ("sphere", Kind::Sphere),
+            ("box", Kind::Box),
+            ("quad", Kind::Quad),
+            ("disk", Kind::Disk),
+            ("cylinder", Kind::Cylinder),
+            ("mesh", Kind::Mesh),
+            ("instance", Kind::Instance),
+        ];
+        item.choice(&kinds, &["lathe"])
+    })?;
+    match kind {
+        Kind::Sphere => {
+            let center = table.require("center", Item::vector);
+            let radius = table.require("radius", Item::length);
+            table.finish()?;
+            Ok(ShapeKind::Sphere { center: center?, radius: radius? })
+        }
+        Kind::Box => {
+            let corners = super::corners(table);
+            table.finish()?;
+            let (min, max) = corners?;
+            Ok(ShapeKind::Box { min, max })
+        }
+        Kind::Quad => {
+            let origin = table.require("origin", Item::vector);
+            let edge_u = table.require("edge_u", Item::nonzero_vector);
+            let edge_v = table.require("edge_v", Item::nonzero_vector);
+            table.finish()?;
+            let (edge_u, edge_v) = (edge_u?, edge_v?);
+            // Narrower parallelograms have no normal beyond rounding.
+            const PARALLEL: f64 = 1e-9;
+            let normal = unit(edge_u).zip(unit(edge_v)).map(|(u, v)| u.cross(v));
+            if normal.is_none_or(|normal| normal.length() < PARALLEL) {
+                return Err(table.fail_at("edge_v", format!("{edge_v} is parallel to `edge_u`, {edge_u}")));
+            }
+            Ok(ShapeKind::Quad { origin: origin?, edge_u, edge_v })
+        }
+        Kind::Disk => {
+            let center = table.require("center", Item::vector);
+            let normal = table.require("normal", Item::direction);
+            let radius = table.require("radius", Item::length);
+            table.finish()?;
+            Ok(ShapeKind::Disk { center: center?, normal: normal?, radius: radius? })
+        }
+        Kind::Cylinder => {
+            let base = table.require("base", Item::vector);
+            let top = table.require("top", Item::vector);
+            let radius = table.require("radius", Item::length);
+            let caps = table.get_or("caps", true, Item::boolean);
+            table.finish()?;
+            let (base, top) = (base?, top?);
+            if base == top {
+                return Err(table.fail_at("top", format!("found {top}, the same point as `base`; expected another")));
+            }
+            Ok(ShapeKind::Cylinder { base, top, radius: radius?, caps: caps? })
+        }
+        Kind::Mesh => {
+            let file = table.require("file", |item| item.file(names.folder, &["obj"]));
+            let smooth = table.get_or("smooth", true, Item::boolean);
+            table.finish()?;
+            Ok(ShapeKind::Mesh { file: file?, smooth: smooth? })
+        }
+        Kind::Instance => {
+            let of = table.require("of", |item| match by_name.get(item.string()?) {
+                Some(index) => Ok(*index),
+                None => {
+                    let mut known: Vec<&str> = by_name.keys().copied().collect();
+                    known.sort_unstable();
+                    item.reference("shape", &known)
+                }
+            });
+            table.finish()?;
+            Ok(ShapeKind::Instance { of: of? })
+        }
+    }
+}
+
+/// Resolves instances and default materials, and checks what depends on both. `materials` gains those
+/// that only defaults refer to.
+pub(super) fn finish(mut drafts: Vec<Draft>, materials: &mut Vec<Material>, names: &Names) -> Read<Vec<Shape>> {
+    resolve_instances(&mut drafts)?;
+    let mut none = None;
+    let mut black = None;
+    let mut add = |known: &mut Option<usize>, name: &str, kind, draft: &Draft| {
+        *known.get_or_insert_with(|| {
+            materials.push(Material { name: name.to_owned(), kind, place: draft.item.place() });
+            materials.len() - 1
+        })
+    };
+    let mut shapes = Vec::with_capacity(drafts.len());
+    let mut sound = Ok(());
+    let defined_none = names.materials.iter().position(|name| *name == NONE);
+    for draft in &drafts {
+        let mut none = |draft| defined_none.unwrap_or_else(|| add(&mut none, NONE, MaterialKind::None, draft));
+        let material = match &draft.material {
+            Some(Located { value: MaterialReference::Index(index), place }) => {
+                Located { value: *index, place: place.clone() }
+            }
+            Some(Located { value: MaterialReference::None, place }) => {
+                Located { value: none(draft), place: place.clone() }
+            }
+            None if draft.interior.is_some() || !draft.visible => draft.item.at(none(draft)),
+            None if draft.emission.is_some() => {
+                draft.item.at(add(&mut black, "black", MaterialKind::Lambert { reflectance: Rgb::ZERO }, draft))
+            }
+            None => {
+                sound = Err(draft.item.fail("a shape without `interior` or `emission` needs a `material`"));
+                continue;
+            }
+        };
+        shapes.push(Shape {
+            name: draft.name.map(str::to_owned),
+            kind: draft.kind.clone(),
+            transform: draft.transform,
+            material,
+            interior: draft.interior.clone(),
+            priority: draft.priority.unwrap_or(0),
+            emission: draft.emission.clone(),
+            visible: draft.visible,
+            place: draft.item.place(),
+        });
+    }
+    sound?;
+    all(&(0..shapes.len()).collect::<Vec<_>>(), |&index| {
+        let shape = &shapes[index];
+        let root = match shape.kind {
+            ShapeKind::Instance { of } => &shapes[of],
+            _ => shape,
+        };
+        check_closed(&drafts[index].item, shape, root, materials)
+    })?;
+    Ok(shapes)
+}
+
+/// Only what is closed has an inside.
+fn check_closed(item: &Item, shape: &Shape, root: &Shape, materials: &[Material]) -> Read<()> {
+    let open = match root.kind {
+        ShapeKind::Quad { .. } => "a quad",
+        ShapeKind::Disk { .. } => "a disk",
+        ShapeKind::Cylinder { caps: false, .. } => "a cylinder without caps",
+        _ => return Ok(()),
+    };
+    if let Some(interior) = &shape.interior {
+        let message = format!("{open} is not closed, so it has no interior; expected a closed shape");
+        return Err(item.fail_about(&interior.place, message));
+    }
+    if matches!(materials[shape.material.value].kind, MaterialKind::Dielectric { .. }) {
+        let message = format!("{open} is not closed; expected a closed shape for a dielectric, which has two sides");
+        return Err(item.fail_about(&shape.material.place, message));
+    }
+    Ok(())
+}
+
+/// Lets every instance refer to a shape that is none, with composed transforms and what it takes over.
+fn resolve_instances(drafts: &mut [Draft]) -> Read<()> {
+    #[derive(Clone, Copy, PartialEq)]
+    enum State {
+        Open,
+        OnTheWay,
+        Done,
+    }
+    let mut states = vec![State::Open; drafts.len()];
+    let mut result = Ok(());
+    for start in 0..drafts.len() {
+        // From instance to template, up to a shape that is known ...
+        let mut way = Vec::new();
+        let mut at = start;
+        while let (State::Open, ShapeKind::Instance { of }) = (states[at], &drafts[at].kind) {
+            states[at] = State::OnTheWay;
+            way.push(at);
+            at = *of;
+        }
+        if states[at] == State::OnTheWay {
+            result = Err(cycle(drafts, &way, at));
+        }
+        // ... and back.
+        while let Some(instance) = way.pop() {
+            states[instance] = State::Done;
+            if result.is_ok() {
+                result = inherit(drafts, instance, at);
+            }
+            at = instance;
+        }
+        states[at] = State::Done;
+    }
+    result
+}
+
+fn cycle(drafts: &[Draft], way: &[usize], first: usize) -> Noted {
+    let from = way.iter().position(|&index| index == first).unwrap_or(0);
+    let names = way[from..].iter().chain([&first]).map(|&index| drafts[index].name.unwrap_or_default());
+    let names: Vec<&str> = names.collect();
+    drafts[first].item.fail(format!("instances that repeat each other: {}", names.join(" → ")))
+}
+
+/// Gives an instance what its resolved template has and it does not say itself.
+fn inherit(drafts: &mut [Draft], instance: usize, template: usize) -> Read<()> {
+    let (root, before) = match drafts[template].kind {
+        ShapeKind::Instance { of } => (of, drafts[template].transform),
+        _ => (template, DAffine3::IDENTITY),
+    };
+    let from = &drafts[template];
+    let (material, interior, priority, emission) =
+        (from.material.clone(), from.interior.clone(), from.priority, from.emission.clone());
+    let root_transform = drafts[root].transform;
+    let draft = &mut drafts[instance];
+    draft.kind = ShapeKind::Instance { of: root };
+    draft.transform = draft.transform * before;
+    draft.material = draft.material.take().or(material);
+    draft.interior = draft.interior.take().or(interior);
+    draft.priority = draft.priority.or(priority);
+    draft.emission = draft.emission.take().or(emission);
+    if is_invertible(&draft.transform) && is_invertible(&(draft.transform * root_transform)) {
+        Ok(())
+    } else {
+        Err(draft.item.fail(format!("the transform composed with its template's {NOT_INVERTIBLE}")))
+    }
+}

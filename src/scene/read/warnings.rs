@@ -1,0 +1,143 @@
+//! What is allowed in a scene file but probably not meant.
+
+use crate::math::Rgb;
+use crate::scene::description::{
+    Density, Description, EnvironmentSource, Light, LightKind, MaterialKind, Medium, MediumEmission, Method, Place,
+    Shape, Strength,
+};
+
+pub(super) fn warnings(scene: &Description) -> Vec<String> {
+    let mut warnings = Vec::new();
+    no_light(scene, &mut warnings);
+    cold_media(scene, &mut warnings);
+    light_from_infinity(scene, &mut warnings);
+    shapes_without_effect(scene, &mut warnings);
+    lights_without_size(scene, &mut warnings);
+    warnings
+}
+
+fn no_light(scene: &Description, warnings: &mut Vec<String>) {
+    let lit = scene.lights.iter().any(shines)
+        || scene.shapes.iter().any(|shape| shape.visible && emits(shape))
+        || scene.media.iter().any(|medium| glows(medium) && medium.sigma_a != Rgb::ZERO);
+    if !lit {
+        let path = scene.path.display();
+        warnings.push(format!(
+            "{path}: nothing gives light, the image will be black; add [[lights]], or `emission` to a shape or medium"
+        ));
+    }
+}
+
+fn shines(light: &Light) -> bool {
+    let strength = match &light.kind {
+        LightKind::Point { intensity, .. } | LightKind::Spot { intensity, .. } => *intensity,
+        LightKind::Directional { irradiance, .. } => *irradiance,
+        LightKind::Environment { source: EnvironmentSource::Constant(radiance), scale, .. } => *radiance * *scale,
+        LightKind::Environment { source: EnvironmentSource::Image(_), scale, .. } => *scale,
+    };
+    strength != Rgb::ZERO
+}
+
+fn emits(shape: &Shape) -> bool {
+    shape.emission.as_ref().is_some_and(|emission| match emission.strength {
+        Strength::Radiance(strength) | Strength::Power(strength) => strength != Rgb::ZERO,
+    })
+}
+
+fn glows(medium: &Medium) -> bool {
+    match &medium.emission {
+        Some(MediumEmission::Constant { radiance }) => *radiance != Rgb::ZERO,
+        Some(MediumEmission::BlackBody { scale, .. }) => *scale != 0.0,
+        None => false,
+    }
+}
+
+fn cold_media(scene: &Description, warnings: &mut Vec<String>) {
+    for medium in scene.media.iter().filter(|medium| glows(medium) && medium.sigma_a == Rgb::ZERO) {
+        let place = &medium.place;
+        warnings.push(format!(
+            "{place}: has an emission but does not glow: what it emits is multiplied by sigma_a, which is 0"
+        ));
+    }
+}
+
+/// A world medium that is the same everywhere is black to infinity.
+fn light_from_infinity(scene: &Description, warnings: &mut Vec<String>) {
+    let Some(world) = &scene.world.medium else { return };
+    let medium = &scene.media[world.value];
+    let thick = matches!(medium.density, Density::Constant { value } if value > 0.0);
+    if !thick || medium.sigma_t() == Rgb::ZERO {
+        return;
+    }
+    let from_infinity = |light: &&Light| match light.kind {
+        LightKind::Environment { .. } => true,
+        LightKind::Directional { beam, .. } => beam.is_none(),
+        _ => false,
+    };
+    for light in scene.lights.iter().filter(from_infinity) {
+        warnings.push(format!(
+            "{}: light from infinity does not get through the world's medium {:?} and is black where that absorbs or scatters",
+            light.place, medium.name,
+        ));
+    }
+}
+
+fn shapes_without_effect(scene: &Description, warnings: &mut Vec<String>) {
+    let idle = |shape: &&Shape| {
+        let material = scene.materials[shape.material.value].kind;
+        shape.visible && material == MaterialKind::None && shape.interior.is_none() && shape.emission.is_none()
+    };
+    warn_of_some(
+        scene.shapes.iter().filter(idle).map(|shape| &shape.place),
+        "has material \"none\" but neither `interior` nor `emission`: it has no effect",
+        warnings,
+    );
+}
+
+/// One warning for any number of places.
+fn warn_of_some<'a>(mut places: impl Iterator<Item = &'a Place>, message: &str, warnings: &mut Vec<String>) {
+    let Some(first) = places.next() else { return };
+    warnings.push(match places.count() {
+        0 => format!("{first}: {message}"),
+        others => format!("{first}: {message}; so it is with {others} more"),
+    });
+}
+
+/// The path tracer finds lights behind mirrors and refracting boundaries only by hitting them.
+fn lights_without_size(scene: &Description, warnings: &mut Vec<String>) {
+    if scene.render.method != Method::Path {
+        return;
+    }
+    let specular = |shape: &&Shape| match scene.materials[shape.material.value].kind {
+        MaterialKind::Mirror { .. } => shape.visible,
+        MaterialKind::Dielectric { ior } => shape.visible && ior != Rgb::ONE,
+        _ => false,
+    };
+    let without_size = |light: &&Light| {
+        let none = match light.kind {
+            LightKind::Point { radius, .. } | LightKind::Spot { radius, .. } => radius == 0.0,
+            LightKind::Directional { angle, .. } => angle == 0.0,
+            LightKind::Environment { .. } => false,
+        };
+        none && shines(light)
+    };
+    let solids: Vec<&str> = scene.shapes.iter().filter(specular).map(|shape| shape.place.key()).collect();
+    let lights: Vec<&str> = scene.lights.iter().filter(without_size).map(|light| light.place.key()).collect();
+    if solids.is_empty() || lights.is_empty() {
+        return;
+    }
+    warnings.push(format!(
+        "{}: method \"path\" does not see light of {} by way of {}; give the lights a `radius` (or `angle`)",
+        scene.path.display(),
+        some(&lights),
+        some(&solids),
+    ));
+}
+
+fn some(names: &[&str]) -> String {
+    const SHOWN: usize = 8;
+    match names.len() {
+        0..=SHOWN => names.join(", "),
+        all => format!("{} and {} more", names[..SHOWN].join(", "), all - SHOWN),
+    }
+}

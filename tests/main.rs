@@ -1,0 +1,3 @@
+//! One file for each promise.
+
+mod scene_files;
