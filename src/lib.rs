@@ -3,6 +3,7 @@
 #![warn(missing_docs)]
 
 pub mod error;
+pub mod geometry;
 pub mod math;
 
 pub use error::{Error, Result};
