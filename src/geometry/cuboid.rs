@@ -1,0 +1,84 @@
+use crate::math::{Bounds, DAffine3, DVec3, Ray};
+use crate::{Error, Result};
+
+/// A box with faces along the axes; closed. Its primitives are the faces −x, +x, −y, +y, −z, +z.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cuboid {
+    bounds: Bounds,
+}
+
+impl Cuboid {
+    /// The box between two corners.
+    ///
+    /// # Errors
+    /// When an edge is not positive or a number is not finite.
+    pub fn new(min: DVec3, max: DVec3) -> Result<Self> {
+        if !min.is_finite() || !max.is_finite() || !min.cmplt(max).all() {
+            return Err(Error::Scene(format!(
+                "a box from min {min} to max {max}: expected finite numbers and min below max on every axis"
+            )));
+        }
+        Ok(Cuboid { bounds: Bounds { min, max } })
+    }
+
+    pub(super) fn bounds(&self, m: &DAffine3) -> Bounds {
+        self.bounds.transformed(m)
+    }
+
+    /// Slabs by division, so that a ray that runs in a face is inside and one that meets an edge
+    /// still has an entry and an exit.
+    pub(super) fn crossings(&self, ray: &Ray, visit: &mut impl FnMut(f64, u32)) {
+        let (min, max) = (self.bounds.min.to_array(), self.bounds.max.to_array());
+        let (origin, direction) = (ray.origin.to_array(), ray.direction.to_array());
+        let (mut t0, mut t1) = (f64::NEG_INFINITY, f64::INFINITY);
+        let (mut enter, mut leave) = (0, 0);
+        for axis in 0..3 {
+            let (o, d) = (origin[axis], direction[axis]);
+            if d == 0.0 {
+                if o < min[axis] || o > max[axis] {
+                    return;
+                }
+                continue;
+            }
+            let face = 2 * axis as u32;
+            let (near, far) = ((min[axis] - o) / d, (max[axis] - o) / d);
+            let (near, far, near_face, far_face) =
+                if d > 0.0 { (near, far, face, face + 1) } else { (far, near, face + 1, face) };
+            if near > t0 {
+                (t0, enter) = (near, near_face);
+            }
+            if far < t1 {
+                (t1, leave) = (far, far_face);
+            }
+        }
+        if t0 <= t1 {
+            visit(t0, enter);
+            visit(t1, leave);
+        }
+    }
+
+    pub(super) fn normal(&self, face: u32) -> DVec3 {
+        let axis = DVec3::AXES[(face / 2) as usize % 3];
+        if face.is_multiple_of(2) { -axis } else { axis }
+    }
+
+    /// The coordinates across the face, from 0 to 1, in the order of the remaining axes.
+    pub(super) fn uv(&self, p: DVec3, face: u32) -> [f64; 2] {
+        let q = ((p - self.bounds.min) / self.bounds.size()).to_array();
+        let axis = (face / 2) as usize;
+        [q[(axis + 1) % 3], q[(axis + 2) % 3]]
+    }
+
+    pub(super) fn contains(&self, p: DVec3) -> bool {
+        self.bounds.contains(p)
+    }
+
+    /// The face as origin and two edges.
+    pub(super) fn face(&self, face: u32) -> [DVec3; 3] {
+        let axis = (face / 2) as usize % 3;
+        let size = self.bounds.size().to_array();
+        let edge = |k: usize| DVec3::AXES[k % 3] * size[k % 3];
+        let origin = if face.is_multiple_of(2) { self.bounds.min } else { self.bounds.min + edge(axis) };
+        [origin, edge(axis + 1), edge(axis + 2)]
+    }
+}

@@ -1,0 +1,294 @@
+use super::tree::Tree;
+use crate::math::{Bounds, DVec3, Ray, Vec3};
+use crate::{Error, Result};
+use glam::Vec2;
+use std::collections::HashMap;
+
+/// Triangles; closed if, vertices at one position taken as one, every edge is shared by exactly two
+/// oppositely wound triangles. Out is then away from the enclosed volume, whatever the winding in the
+/// file; the counter-clockwise side otherwise.
+#[derive(Debug)]
+pub struct Mesh {
+    positions: Vec<Vec3>,
+    /// One a vertex; none for flat shading.
+    normals: Option<Vec<Vec3>>,
+    /// One a vertex.
+    uvs: Option<Vec<Vec2>>,
+    /// In the order of the tree's leaves, counter-clockwise seen from outside.
+    triangles: Vec<[u32; 3]>,
+    /// Sums of areas up to and with each triangle.
+    areas: Vec<f64>,
+    tree: Tree,
+    bounds: Bounds,
+    closed: bool,
+    volume: f64,
+}
+
+/// The parts a mesh is made of.
+#[derive(Debug, Default)]
+pub(super) struct Parts {
+    pub positions: Vec<Vec3>,
+    /// One a vertex; zero where the file has none.
+    pub normals: Vec<Vec3>,
+    /// One a vertex, or empty.
+    pub uvs: Vec<Vec2>,
+    /// Indices are in range.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// More triangles than this overflow the hierarchy's indices.
+pub(super) const MAX_TRIANGLES: usize = 200_000_000;
+
+impl Mesh {
+    /// A mesh of `triangles`, indices into `positions`. With `smooth` the shading normals are the mean
+    /// of the normals of the triangles around a vertex, weighted by their areas.
+    ///
+    /// # Errors
+    /// When there are no triangles with an area, an index is out of range or a position not finite.
+    pub fn new(positions: Vec<Vec3>, triangles: Vec<[u32; 3]>, smooth: bool) -> Result<Self> {
+        if let Some(i) = positions.iter().position(|p| !p.is_finite()) {
+            return Err(Error::Scene(format!("vertex {i} of a mesh is {}: expected finite numbers", positions[i])));
+        }
+        if let Some(t) = triangles.iter().find(|t| t.iter().any(|&i| i as usize >= positions.len())) {
+            let message = format!("a triangle of a mesh names the vertices {t:?}, but there are {}", positions.len());
+            return Err(Error::Scene(message));
+        }
+        let normals = vec![Vec3::ZERO; positions.len()];
+        Self::from_parts(Parts { positions, normals, uvs: Vec::new(), triangles }, smooth)
+    }
+
+    pub(super) fn from_parts(parts: Parts, smooth: bool) -> Result<Self> {
+        let Parts { positions, normals, uvs, mut triangles } = parts;
+        let site = weld(&positions);
+        // ---- triangles with two corners at one place are nothing
+        triangles.retain(|t| {
+            let [a, b, c] = t.map(|i| site[i as usize]);
+            a != b && b != c && c != a
+        });
+        if triangles.len() > MAX_TRIANGLES {
+            return Err(Error::Limit(format!(
+                "a mesh of {} triangles: at most {MAX_TRIANGLES} can be used",
+                triangles.len()
+            )));
+        }
+        // ---- out
+        let closed = is_closed(&triangles, &site);
+        let middle = Bounds::of_points(triangles.iter().flatten().map(|&i| positions[i as usize].as_dvec3())).center();
+        let corners = |t: &[u32; 3]| t.map(|i| positions[i as usize].as_dvec3() - middle);
+        let mut volume = triangles.iter().map(corners).map(|[a, b, c]| a.dot(b.cross(c))).sum::<f64>() / 6.0;
+        if closed && volume < 0.0 {
+            triangles.iter_mut().for_each(|t| t.swap(1, 2));
+            volume = -volume;
+        }
+        // ---- in the order of the tree
+        let boxes: Vec<Bounds> =
+            triangles.iter().map(|t| Bounds::of_points(t.map(|i| positions[i as usize].as_dvec3()))).collect();
+        let tree = Tree::new(&boxes);
+        let triangles: Vec<[u32; 3]> = tree.order().iter().map(|&i| triangles[i as usize]).collect();
+        let bounds = boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(*b));
+        // ---- areas and normals
+        let cross = |t: &[u32; 3]| {
+            let [a, b, c] = t.map(|i| positions[i as usize].as_dvec3());
+            (b - a).cross(c - a)
+        };
+        let mut sum = 0.0;
+        let areas: Vec<f64> = triangles
+            .iter()
+            .map(|t| {
+                sum += 0.5 * cross(t).length();
+                sum
+            })
+            .collect();
+        if sum <= 0.0 || !sum.is_finite() {
+            return Err(Error::Scene("a mesh without any triangle that has an area".into()));
+        }
+        let normals = smooth.then(|| {
+            let mut means = vec![DVec3::ZERO; positions.len()];
+            for t in &triangles {
+                for &i in t {
+                    means[site[i as usize] as usize] += cross(t);
+                }
+            }
+            let given = normals.iter().zip(&site);
+            given.map(|(n, &s)| n.try_normalize().unwrap_or(means[s as usize].normalize_or_zero().as_vec3())).collect()
+        });
+        let uvs = (uvs.len() == positions.len()).then_some(uvs);
+        Ok(Mesh { positions, normals, uvs, triangles, areas, tree, bounds, closed, volume })
+    }
+
+    /// How many triangles there are, without those whose corners coincide.
+    pub fn triangle_count(&self) -> usize {
+        self.triangles.len()
+    }
+
+    /// The box around the triangles, in object space.
+    pub fn bounds(&self) -> Bounds {
+        self.bounds
+    }
+
+    /// Whether the mesh encloses a volume.
+    pub fn is_closed(&self) -> bool {
+        self.closed
+    }
+
+    /// The sum of the triangles' areas, in object space.
+    pub fn area(&self) -> f64 {
+        self.areas.last().copied().unwrap_or(0.0)
+    }
+
+    /// The enclosed volume in object space; `None` if open.
+    pub fn volume(&self) -> Option<f64> {
+        self.closed.then_some(self.volume)
+    }
+
+    /// The corners of a triangle.
+    pub(super) fn corners(&self, triangle: u32) -> [DVec3; 3] {
+        self.triangles[triangle as usize].map(|i| self.positions[i as usize].as_dvec3())
+    }
+
+    /// The watertight test of Woop, Benthin and Wald 2013, in `f64`: neighbours see a shared edge from
+    /// the same side, so no ray passes between them. `visit` gets parameter, triangle and the weights
+    /// of its second and third corner, and returns the new `t_max`.
+    #[inline]
+    pub(super) fn crossings(
+        &self,
+        ray: &Ray,
+        t_min: f64,
+        t_max: f64,
+        visit: &mut impl FnMut(f64, u32, [f64; 2]) -> f64,
+    ) {
+        // ---- axes permuted so that z is the ray's main direction, then sheared onto it
+        let (origin, d) = (ray.origin.to_array(), ray.direction.to_array());
+        let size = ray.direction.abs();
+        let z = if size.x >= size.y && size.x >= size.z {
+            0
+        } else if size.y >= size.z {
+            1
+        } else {
+            2
+        };
+        let (x, y) = if d[z] < 0.0 { ((z + 2) % 3, (z + 1) % 3) } else { ((z + 1) % 3, (z + 2) % 3) };
+        let (shear_x, shear_y, shear_z) = (d[x] / d[z], d[y] / d[z], 1.0 / d[z]);
+        let sheared = |i: u32| {
+            let v = self.positions[i as usize].to_array();
+            let z = f64::from(v[z]) - origin[z];
+            [f64::from(v[x]) - origin[x] - shear_x * z, f64::from(v[y]) - origin[y] - shear_y * z, shear_z * z]
+        };
+        let mut t_max = t_max;
+        self.tree.along(ray, t_min, t_max, |triangle| {
+            let [a, b, c] = self.triangles[triangle as usize].map(sheared);
+            let u = c[0] * b[1] - c[1] * b[0];
+            let v = a[0] * c[1] - a[1] * c[0];
+            let w = b[0] * a[1] - b[1] * a[0];
+            if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
+                return t_max;
+            }
+            let det = u + v + w;
+            if det == 0.0 {
+                return t_max;
+            }
+            let t = (u * a[2] + v * b[2] + w * c[2]) / det;
+            if t > t_min && t < t_max {
+                t_max = visit(t, triangle, [v / det, w / det]);
+            }
+            t_max
+        });
+    }
+
+    /// The geometric normal, by the triangle's winding.
+    pub(super) fn normal(&self, triangle: u32) -> DVec3 {
+        let [a, b, c] = self.corners(triangle);
+        (b - a).cross(c - a).normalize_or(DVec3::Y)
+    }
+
+    /// The shading normal in the hemisphere of `geometric`, not normalised, and the texture
+    /// coordinates; the weights themselves where the file has none.
+    pub(super) fn shading(&self, triangle: u32, [v, w]: [f64; 2], geometric: DVec3) -> (DVec3, [f64; 2]) {
+        let corners = self.triangles[triangle as usize];
+        let weights = [1.0 - v - w, v, w];
+        let normal = self.normals.as_ref().map_or(geometric, |normals| {
+            let n: DVec3 = corners.iter().zip(weights).map(|(&i, w)| w * normals[i as usize].as_dvec3()).sum();
+            if n.length_squared() < 1e-12 { geometric } else { n }
+        });
+        let uv = self.uvs.as_ref().map_or([v, w], |uvs| {
+            let uv: glam::DVec2 = corners.iter().zip(weights).map(|(&i, w)| w * uvs[i as usize].as_dvec2()).sum();
+            uv.to_array()
+        });
+        (normal, uv)
+    }
+
+    /// The winding number about `p` (how often the surface encloses it), counted along rays in a few
+    /// fixed directions that are parallel to nothing: the first ray that meets no edge decides, or the
+    /// majority.
+    pub(super) fn contains(&self, p: DVec3) -> bool {
+        const DIRECTIONS: [DVec3; 5] = [
+            DVec3::new(0.483_720_954_1, 0.712_905_413_7, 0.507_680_193_1),
+            DVec3::new(-0.871_134_609_3, 0.217_730_881_9, -0.440_121_137_3),
+            DVec3::new(0.102_718_281_9, -0.577_215_664_9, -0.810_094_431_7),
+            DVec3::new(-0.314_159_265_3, -0.618_033_988_7, 0.720_614_277_1),
+            DVec3::new(0.915_965_594_1, -0.261_497_212_8, 0.304_331_518_9),
+        ];
+        /// Weights below this are on an edge as far as rounding can tell.
+        const EDGE: f64 = 1e-9;
+        if !self.closed || !self.bounds.contains(p) {
+            return false;
+        }
+        let mut votes = 0;
+        for direction in DIRECTIONS {
+            let (mut winding, mut clean) = (0, true);
+            let ray = Ray::new(p, direction);
+            self.crossings(&ray, 0.0, f64::INFINITY, &mut |_, triangle, [v, w]| {
+                let [a, b, c] = self.corners(triangle);
+                winding += if (b - a).cross(c - a).dot(direction) > 0.0 { 1 } else { -1 };
+                clean &= v > EDGE && w > EDGE && v + w < 1.0 - EDGE;
+                f64::INFINITY
+            });
+            if clean {
+                return winding > 0;
+            }
+            votes += if winding > 0 { 1 } else { -1 };
+        }
+        votes > 0
+    }
+
+    /// A triangle by area, a point in it, and the weights of its second and third corner.
+    pub(super) fn sample(&self, [u, v]: [f64; 2]) -> (DVec3, u32) {
+        let x = u * self.area();
+        let i = self.areas.partition_point(|&sum| sum <= x).min(self.areas.len() - 1);
+        let below = if i == 0 { 0.0 } else { self.areas[i - 1] };
+        // The place within the triangle's share is uniform again.
+        let u = ((x - below) / (self.areas[i] - below)).clamp(0.0, 1.0);
+        let [a, b, c] = self.corners(i as u32);
+        let r = u.sqrt();
+        (a + r * (1.0 - v) * (b - a) + r * v * (c - a), i as u32)
+    }
+
+    /// The triangles whose boxes overlap `query`, and a few more.
+    pub(super) fn overlapping(&self, query: &Bounds, visit: impl FnMut(u32)) {
+        self.tree.overlapping(query, visit);
+    }
+}
+
+/// For every vertex the first one at the same position.
+fn weld(positions: &[Vec3]) -> Vec<u32> {
+    let mut first = HashMap::with_capacity(positions.len());
+    // Adding zero makes one of 0 and −0.
+    let key = |p: &Vec3| (*p + Vec3::ZERO).to_array().map(f32::to_bits);
+    positions.iter().enumerate().map(|(i, p)| *first.entry(key(p)).or_insert(i as u32)).collect()
+}
+
+/// Whether every edge is used exactly once in each direction.
+fn is_closed(triangles: &[[u32; 3]], site: &[u32]) -> bool {
+    let mut edges: Vec<(u32, u32, bool)> = triangles
+        .iter()
+        .flat_map(|t| {
+            let [a, b, c] = t.map(|i| site[i as usize]);
+            [(a, b), (b, c), (c, a)].map(|(p, q)| (p.min(q), p.max(q), p < q))
+        })
+        .collect();
+    edges.sort_unstable();
+    let (pairs, rest) = edges.as_chunks::<2>();
+    let paired = |[p, q]: &[(u32, u32, bool); 2]| (p.0, p.1) == (q.0, q.1) && p.2 != q.2;
+    // An edge used twice each way sorts into pairs of equal direction and fails, as it should.
+    !edges.is_empty() && rest.is_empty() && pairs.iter().all(paired)
+}

@@ -1,0 +1,407 @@
+use super::{Cuboid, Cylinder, Disk, Mesh, Quad, Sphere, ellipsoid};
+use crate::math::{Bounds, DAffine3, DMat3, DVec3, Ray};
+use crate::{Error, Result};
+use std::sync::Arc;
+
+/// A shape in its own space. A mesh is shared by all its instances.
+#[derive(Clone, Debug)]
+pub enum Shape {
+    /// A sphere.
+    Sphere(Sphere),
+    /// A box.
+    Cuboid(Cuboid),
+    /// A parallelogram.
+    Quad(Quad),
+    /// A flat disk.
+    Disk(Disk),
+    /// A circular cylinder.
+    Cylinder(Cylinder),
+    /// Triangles.
+    Mesh(Arc<Mesh>),
+}
+
+/// A shape at its place in the world.
+#[derive(Clone, Debug)]
+pub struct Placed {
+    shape: Shape,
+    to_world: DAffine3,
+    to_local: DAffine3,
+    identity: bool,
+    /// How many times longer lengths are in the world, if by the same factor in all directions.
+    similarity: Option<f64>,
+    /// How many times larger volumes are in the world.
+    volume_ratio: f64,
+    /// −1 where the transform turns the side that is out.
+    turn: f64,
+    bounds: Bounds,
+    area: f64,
+}
+
+/// What a point on a surface looks like in the world: unit normals and texture coordinates.
+pub(super) struct Surface {
+    pub normal: DVec3,
+    pub shading_normal: DVec3,
+    pub uv: [f64; 2],
+}
+
+/// A flat face in the world: a corner and two edges.
+enum Face {
+    Parallelogram([DVec3; 3]),
+    Triangle([DVec3; 3]),
+}
+
+impl Placed {
+    /// `shape` moved by `to_world`.
+    ///
+    /// # Errors
+    /// When the transform is not finite or flattens space.
+    pub fn new(shape: Shape, to_world: DAffine3) -> Result<Self> {
+        let m = to_world.matrix3;
+        let determinant = m.determinant();
+        let columns = [m.x_axis, m.y_axis, m.z_axis].map(|c| c.length());
+        let product: f64 = columns.iter().product();
+        let to_local = to_world.inverse();
+        // Below this ratio the inverse has no correct digit.
+        if !to_world.is_finite() || !to_local.is_finite() || determinant.abs() <= 1e-14 * product {
+            return Err(Error::Scene(format!(
+                "a transform with determinant {determinant} cannot be inverted: expected finite numbers, \
+                 no scale of 0 and a matrix that does not flatten space"
+            )));
+        }
+        let scale = product.cbrt();
+        let gram = m.transpose() * m - DMat3::from_diagonal(DVec3::splat(scale * scale));
+        let similarity = gram.to_cols_array().iter().all(|x| x.abs() <= 1e-12 * scale * scale).then_some(scale);
+        let mut placed = Placed {
+            turn: if matches!(shape, Shape::Quad(_)) { determinant.signum() } else { 1.0 },
+            bounds: shape.bounds(&to_world),
+            identity: to_world == DAffine3::IDENTITY,
+            similarity,
+            volume_ratio: determinant.abs(),
+            area: 0.0,
+            shape,
+            to_world,
+            to_local,
+        };
+        placed.area = placed.compute_area();
+        let finite = placed.bounds.min.is_finite() && placed.bounds.max.is_finite() && placed.area.is_finite();
+        if !finite || placed.area <= 0.0 {
+            return Err(Error::Scene(format!(
+                "a shape of area {} from {} to {} after its transform: expected finite numbers and an area above 0",
+                placed.area, placed.bounds.min, placed.bounds.max
+            )));
+        }
+        Ok(placed)
+    }
+
+    /// The shape, in its own space.
+    pub fn shape(&self) -> &Shape {
+        &self.shape
+    }
+
+    /// From object space to the world.
+    pub fn to_world(&self) -> &DAffine3 {
+        &self.to_world
+    }
+
+    /// From the world to object space.
+    pub fn to_local(&self) -> &DAffine3 {
+        &self.to_local
+    }
+
+    pub(super) fn bounds(&self) -> Bounds {
+        self.bounds
+    }
+
+    pub(super) fn area(&self) -> f64 {
+        self.area
+    }
+
+    /// The shape is a sphere in the world, too: its centre and radius there.
+    pub(super) fn world_sphere(&self) -> Option<(DVec3, f64)> {
+        match (&self.shape, self.similarity) {
+            (Shape::Sphere(s), Some(scale)) => Some((self.to_world.transform_point3(s.center()), scale * s.radius())),
+            _ => None,
+        }
+    }
+
+    pub(super) fn is_closed(&self) -> bool {
+        match &self.shape {
+            Shape::Sphere(_) | Shape::Cuboid(_) => true,
+            Shape::Quad(_) | Shape::Disk(_) => false,
+            Shape::Cylinder(c) => c.is_closed(),
+            Shape::Mesh(m) => m.is_closed(),
+        }
+    }
+
+    pub(super) fn contains(&self, p: DVec3) -> bool {
+        let p = self.to_local.transform_point3(p);
+        match &self.shape {
+            Shape::Sphere(s) => s.contains(p),
+            Shape::Cuboid(c) => c.contains(p),
+            Shape::Quad(_) | Shape::Disk(_) => false,
+            Shape::Cylinder(c) => c.contains(p),
+            Shape::Mesh(m) => m.contains(p),
+        }
+    }
+
+    /// The same parameters along the ray in object space; the direction is not of unit length there.
+    #[inline]
+    fn local_ray(&self, ray: &Ray) -> Ray {
+        if self.identity {
+            return *ray;
+        }
+        Ray {
+            origin: self.to_local.transform_point3(ray.origin),
+            direction: self.to_local.transform_vector3(ray.direction),
+        }
+    }
+
+    /// Calls `visit` with parameter, primitive and, in triangles, weights of every crossing with
+    /// `t_min < t < t_max`. It returns the new `t_max`; negative infinity ends the search.
+    #[inline]
+    pub(super) fn crossings(
+        &self,
+        ray: &Ray,
+        t_min: f64,
+        mut t_max: f64,
+        visit: &mut impl FnMut(f64, u32, [f64; 2]) -> f64,
+    ) {
+        let ray = &self.local_ray(ray);
+        let mut inside = |t: f64, primitive: u32| {
+            if t > t_min && t < t_max {
+                t_max = visit(t, primitive, [0.0; 2]);
+            }
+        };
+        match &self.shape {
+            Shape::Sphere(s) => s.crossings(ray, &mut |t| inside(t, 0)),
+            Shape::Cuboid(c) => c.crossings(ray, &mut inside),
+            Shape::Quad(q) => q.crossings(ray, &mut |t| inside(t, 0)),
+            Shape::Disk(d) => d.crossings(ray, &mut |t| inside(t, 0)),
+            Shape::Cylinder(c) => c.crossings(ray, &mut inside),
+            Shape::Mesh(m) => m.crossings(ray, t_min, t_max, visit),
+        }
+    }
+
+    /// The outward normal in object space at a point there.
+    fn local_normal(&self, p: DVec3, primitive: u32) -> DVec3 {
+        match &self.shape {
+            Shape::Sphere(s) => s.normal(p),
+            Shape::Cuboid(c) => c.normal(primitive),
+            Shape::Quad(q) => q.normal(),
+            Shape::Disk(d) => d.normal(),
+            Shape::Cylinder(c) => c.normal(p, primitive),
+            Shape::Mesh(m) => m.normal(primitive),
+        }
+    }
+
+    /// Normals go by the inverse transpose.
+    #[inline]
+    fn normal_to_world(&self, n: DVec3) -> DVec3 {
+        if self.identity { n } else { self.turn * (self.to_local.matrix3.transpose() * n).normalize() }
+    }
+
+    pub(super) fn surface(&self, ray: &Ray, t: f64, primitive: u32, weights: [f64; 2]) -> Surface {
+        let p = self.local_ray(ray).at(t);
+        let local = self.local_normal(p, primitive);
+        let normal = self.normal_to_world(local);
+        let uv = match &self.shape {
+            Shape::Sphere(s) => s.uv(p),
+            Shape::Cuboid(c) => c.uv(p, primitive),
+            Shape::Quad(q) => q.uv(p),
+            Shape::Disk(d) => d.uv(p),
+            Shape::Cylinder(c) => c.uv(p, primitive),
+            Shape::Mesh(m) => {
+                let (shading, uv) = m.shading(primitive, weights, local);
+                let shading = self.normal_to_world(shading).normalize_or(normal);
+                let shading_normal = if shading.dot(normal) < 0.0 { -shading } else { shading };
+                return Surface { normal, shading_normal, uv };
+            }
+        };
+        Surface { normal, shading_normal: normal, uv }
+    }
+
+    /// How many times larger an area with the world's unit normal `n` is in the world:
+    /// |det M| / |Mᵀn|.
+    fn area_ratio(&self, n: DVec3) -> f64 {
+        self.volume_ratio / (self.to_world.matrix3.transpose() * n).length()
+    }
+
+    fn compute_area(&self) -> f64 {
+        let m = &self.to_world.matrix3;
+        match (&self.shape, self.similarity) {
+            (Shape::Sphere(s), Some(scale)) => scale * scale * s.area(),
+            (Shape::Sphere(s), None) => ellipsoid::area(&(*m * s.radius())),
+            (Shape::Cuboid(c), _) => (0..6).map(|f| self.box_face_area(c, f)).sum(),
+            (Shape::Quad(q), _) => q.area() * self.area_ratio(self.normal_to_world(q.normal())),
+            (Shape::Disk(d), _) => d.area() * self.area_ratio(self.normal_to_world(d.normal())),
+            (Shape::Cylinder(c), _) => {
+                let ([u, v], axis) = c.axes();
+                let [u, v, axis] = [u, v, axis].map(|a| *m * a);
+                let cap = if c.is_closed() { std::f64::consts::PI * u.cross(v).length() } else { 0.0 };
+                // The side's area element is |axis × (u cos φ + v sin φ)| dφ: the rim of an ellipse.
+                ellipsoid::circumference(axis.cross(u), axis.cross(v)) + 2.0 * cap
+            }
+            (Shape::Mesh(mesh), Some(scale)) => scale * scale * mesh.area(),
+            (Shape::Mesh(mesh), None) => (0..mesh.triangle_count() as u32)
+                .map(|i| {
+                    let [a, b, c] = mesh.corners(i);
+                    0.5 * (*m * (b - a)).cross(*m * (c - a)).length()
+                })
+                .sum(),
+        }
+    }
+
+    fn box_face_area(&self, c: &Cuboid, face: u32) -> f64 {
+        let [_, u, v] = c.face(face).map(|e| self.to_world.matrix3 * e);
+        u.cross(v).length()
+    }
+
+    /// A point on the surface, its outward unit normal, and the density by world area.
+    pub(super) fn sample_area(&self, u: [f64; 2]) -> (DVec3, DVec3, f64) {
+        let (local, primitive) = match &self.shape {
+            Shape::Sphere(s) => (s.sample(u), 0),
+            Shape::Cuboid(c) => self.sample_box(c, u),
+            Shape::Quad(q) => (q.sample(u), 0),
+            Shape::Disk(d) => (d.sample(u), 0),
+            Shape::Cylinder(c) => c.sample(u),
+            Shape::Mesh(m) => m.sample(u),
+        };
+        let normal = self.normal_to_world(self.local_normal(local, primitive));
+        (self.to_world.transform_point3(local), normal, self.pdf_area(normal))
+    }
+
+    /// The density of [`Placed::sample_area`] where the outward unit normal is `normal`: uniform where
+    /// the transform stretches all faces alike, and for boxes; by the area in object space otherwise.
+    pub(super) fn pdf_area(&self, normal: DVec3) -> f64 {
+        let local_area = match &self.shape {
+            _ if self.similarity.is_some() => return self.area.recip(),
+            Shape::Cuboid(_) | Shape::Quad(_) | Shape::Disk(_) => return self.area.recip(),
+            Shape::Sphere(s) => s.area(),
+            Shape::Cylinder(c) => c.area(),
+            Shape::Mesh(m) => m.area(),
+        };
+        (local_area * self.area_ratio(normal)).recip()
+    }
+
+    fn sample_box(&self, c: &Cuboid, [u, v]: [f64; 2]) -> (DVec3, u32) {
+        let mut x = u * self.area;
+        let mut face = 0;
+        let mut area = self.box_face_area(c, face);
+        while x >= area && face < 5 {
+            x -= area;
+            face += 1;
+            area = self.box_face_area(c, face);
+        }
+        let [origin, edge_u, edge_v] = c.face(face);
+        (origin + (x / area).min(1.0) * edge_u + v * edge_v, face)
+    }
+
+    /// Calls `visit` with primitive, closest point, and outward unit normal of every face within
+    /// `radius` of `p`.
+    pub(super) fn faces_near(&self, p: DVec3, radius: f64, visit: &mut impl FnMut(u32, DVec3, DVec3)) {
+        let m = &self.to_world;
+        let mut flat = |primitive: u32, face: Face, normal: DVec3| {
+            let closest = face.closest(p);
+            if closest.distance_squared(p) <= radius * radius {
+                visit(primitive, closest, normal);
+            }
+        };
+        let placed = |[o, u, v]: [DVec3; 3]| {
+            Face::Parallelogram([m.transform_point3(o), m.transform_vector3(u), m.transform_vector3(v)])
+        };
+        match &self.shape {
+            Shape::Quad(q) => flat(0, placed(q.face()), self.normal_to_world(q.normal())),
+            Shape::Cuboid(c) => {
+                for face in 0..6 {
+                    flat(face, placed(c.face(face)), self.normal_to_world(c.normal(face)));
+                }
+            }
+            Shape::Mesh(mesh) => {
+                // ---- the box around the sphere, which is an ellipsoid in object space
+                let rows = self.to_local.matrix3.transpose();
+                let reach = radius * DVec3::new(rows.x_axis.length(), rows.y_axis.length(), rows.z_axis.length());
+                let center = self.to_local.transform_point3(p);
+                mesh.overlapping(&Bounds { min: center - reach, max: center + reach }, |i| {
+                    let triangle = mesh.corners(i).map(|c| m.transform_point3(c));
+                    flat(i, Face::Triangle(triangle), self.normal_to_world(mesh.normal(i)));
+                });
+            }
+            Shape::Sphere(s) => self.round_face(p, radius, 0, |q| s.closest(q), visit),
+            Shape::Disk(d) => self.round_face(p, radius, 0, |q| d.closest(q), visit),
+            Shape::Cylinder(c) => {
+                for &face in c.faces() {
+                    self.round_face(p, radius, face, |q| c.closest(q, face), visit);
+                }
+            }
+        }
+    }
+
+    /// `closest` finds the point in object space. That is the closest in the world, too, under a
+    /// similarity; otherwise it is improved by stepping to the foot on the tangent plane as long as
+    /// that comes closer.
+    fn round_face(
+        &self,
+        p: DVec3,
+        radius: f64,
+        primitive: u32,
+        closest: impl Fn(DVec3) -> DVec3,
+        visit: &mut impl FnMut(u32, DVec3, DVec3),
+    ) {
+        let mut local = closest(self.to_local.transform_point3(p));
+        let mut on = self.to_world.transform_point3(local);
+        if self.similarity.is_none() {
+            for _ in 0..32 {
+                let n = self.normal_to_world(self.local_normal(local, primitive));
+                let foot = p - n.dot(p - on) * n;
+                let next_local = closest(self.to_local.transform_point3(foot));
+                let next = self.to_world.transform_point3(next_local);
+                if next.distance_squared(p) >= on.distance_squared(p) {
+                    break;
+                }
+                (local, on) = (next_local, next);
+            }
+        }
+        if on.distance_squared(p) <= radius * radius {
+            visit(primitive, on, self.normal_to_world(self.local_normal(local, primitive)));
+        }
+    }
+}
+
+impl Shape {
+    fn bounds(&self, m: &DAffine3) -> Bounds {
+        match self {
+            Shape::Sphere(s) => s.bounds(m),
+            Shape::Cuboid(c) => c.bounds(m),
+            Shape::Quad(q) => q.bounds(m),
+            Shape::Disk(d) => d.bounds(m),
+            Shape::Cylinder(c) => c.bounds(m),
+            Shape::Mesh(mesh) => mesh.bounds().transformed(m),
+        }
+    }
+}
+
+impl Face {
+    fn closest(&self, p: DVec3) -> DVec3 {
+        let (o, u, v, parallelogram) = match *self {
+            Face::Parallelogram([o, u, v]) => (o, u, v, true),
+            Face::Triangle([a, b, c]) => (a, b - a, c - a, false),
+        };
+        // ---- the foot on the plane, if it is in the face
+        let (d, uu, uv, vv) = (p - o, u.dot(u), u.dot(v), v.dot(v));
+        let (du, dv) = (d.dot(u), d.dot(v));
+        let det = uu * vv - uv * uv;
+        if det > 0.0 {
+            let (s, t) = ((vv * du - uv * dv) / det, (uu * dv - uv * du) / det);
+            let inside = s >= 0.0 && t >= 0.0 && if parallelogram { s <= 1.0 && t <= 1.0 } else { s + t <= 1.0 };
+            if inside {
+                return o + s * u + t * v;
+            }
+        }
+        // ---- or else on an edge
+        let edge = |a: DVec3, e: DVec3| a + (((p - a).dot(e) / e.length_squared()).clamp(0.0, 1.0)) * e;
+        let third = if parallelogram { edge(o + u, v) } else { edge(o + u, v - u) };
+        let fourth = if parallelogram { edge(o + v, u) } else { third };
+        let nearer = |a: DVec3, b: DVec3| if b.distance_squared(p) < a.distance_squared(p) { b } else { a };
+        [edge(o, v), third, fourth].into_iter().fold(edge(o, u), nearer)
+    }
+}

@@ -1,0 +1,187 @@
+//! A hierarchy of boxes for finding what a ray or a box meets.
+
+use crate::math::{Bounds, DVec3, Ray};
+use glam::{UVec2, Vec3A};
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
+use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
+use obvhs::cwbvh::node::CwBvhNode;
+use obvhs::cwbvh::{CwBvh, firstbithigh};
+use obvhs::ploc::PlocBuilder;
+use obvhs::{Boundable, BvhBuildParams};
+use smallvec::SmallVec;
+
+/// Compressed wide nodes (Ylitie, Karras and Laine 2017, built by `obvhs`) in `f32`. All boxes live in
+/// the cube [−1, 1]³, whatever the scene's place and size, and rays start where they enter it, so that
+/// rounding to `f32` shifts a plane by less than `PADDING`, by which the boxes are grown: a traversal
+/// visits too much rather than too little.
+#[derive(Debug)]
+pub(super) struct Tree {
+    nodes: CwBvh,
+    /// Around the padded boxes.
+    bounds: Bounds,
+    center: DVec3,
+    /// From lengths to lengths in the cube.
+    scale: f64,
+}
+
+/// Rounding of origin, direction, planes and their products: below 4e-6 in the cube.
+const PADDING: f64 = 1e-5;
+/// The nodes' test ignores what lies nearer than 1e-4, so rays start before the cube.
+const LEAD: f64 = 1e-2;
+
+/// A box in the cube.
+struct Item(Aabb);
+
+impl Boundable for Item {
+    fn aabb(&self) -> Aabb {
+        self.0
+    }
+}
+
+/// Groups of nodes still to be visited: deep trees spill to the heap.
+type Pending = SmallVec<[UVec2; 24]>;
+
+/// The bits of a group that name inner nodes.
+const INNER: u32 = 0xff00_0000;
+
+impl Tree {
+    /// A tree over `boxes`, which are finite and not empty.
+    pub fn new(boxes: &[Bounds]) -> Self {
+        let all = boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(*b));
+        let (center, half) =
+            if all.is_empty() { (DVec3::ZERO, 1.0) } else { (all.center(), 0.5 * all.size().max_element()) };
+        // A box without extent needs some scale; that of its coordinates keeps padding above rounding.
+        let half = half.max(1e-9 * center.abs().max_element()).max(f64::MIN_POSITIVE.sqrt());
+        let scale = half.recip();
+        let items: Vec<Item> = boxes
+            .iter()
+            .map(|b| {
+                let min = ((b.min - center) * scale - PADDING).as_vec3a();
+                let max = ((b.max - center) * scale + PADDING).as_vec3a();
+                Item(Aabb { min, max })
+            })
+            .collect();
+        let settings = BvhBuildParams::medium_build();
+        let indices = (0..items.len() as u32).collect();
+        let mut binary = PlocBuilder::with_capacity(items.len()).build(
+            settings.ploc_search_distance,
+            &items,
+            indices,
+            settings.sort_precision,
+            settings.search_depth_threshold,
+        );
+        ReinsertionOptimizer::default().run(&mut binary, settings.reinsertion_batch_ratio, None);
+        let nodes = bvh2_to_cwbvh(&binary, settings.max_prims_per_leaf.clamp(1, 3), true, false);
+        Tree { nodes, bounds: all.grown(2.0 * PADDING * half), center, scale }
+    }
+
+    /// The order in which boxes should lie in memory: `order()[i]` is the index of the box that a
+    /// traversal calls `i`.
+    pub fn order(&self) -> &[u32] {
+        &self.nodes.primitive_indices
+    }
+
+    /// Calls `visit` for every box that `ray`, whose direction may have any length, meets for a
+    /// parameter in `[t_min, t_max]`, roughly from near to far. `visit` gets the place in
+    /// [`Tree::order`] and returns the new `t_max`; negative infinity ends the traversal.
+    #[inline]
+    pub fn along(&self, ray: &Ray, t_min: f64, t_max: f64, mut visit: impl FnMut(u32) -> f64) {
+        let Some((start, end)) = self.bounds.clip(ray, t_min, t_max) else { return };
+        if !start.is_finite() || self.nodes.nodes.is_empty() {
+            return;
+        }
+        // ---- the ray in the cube
+        let speed = ray.direction.length();
+        let direction = ray.direction / speed;
+        let origin = (ray.at(start) - self.center) * self.scale - LEAD * direction;
+        let stretch = speed * self.scale;
+        let to_cube = |t: f64| (((t.min(end) - start) * stretch + LEAD) * (1.0 + 1e-6)) as f32 + 1e-6;
+        // Adding zero turns −0 into 0: the test takes the sign of the reciprocal from the comparison with 0.
+        let mut cube_ray =
+            obvhs::ray::Ray::new(origin.as_vec3a(), direction.as_vec3a() + Vec3A::ZERO, 0.0, to_cube(t_max));
+        let octant = octant(cube_ray.direction);
+        self.walk(
+            octant,
+            &mut cube_ray,
+            |node, ray| node.intersect_ray(ray, octant),
+            |index, ray| {
+                let t = visit(index);
+                ray.tmax = if t == f64::NEG_INFINITY { t as f32 } else { to_cube(t) };
+                ray.tmax >= 0.0
+            },
+        );
+    }
+
+    /// Calls `visit` for every box that overlaps `query` with its place in [`Tree::order`].
+    pub fn overlapping(&self, query: &Bounds, mut visit: impl FnMut(u32)) {
+        let near = query.intersection(self.bounds);
+        if near.is_empty() || self.nodes.nodes.is_empty() {
+            return;
+        }
+        let cube = Aabb {
+            min: ((near.min - self.center) * self.scale - PADDING).as_vec3a(),
+            max: ((near.max - self.center) * self.scale + PADDING).as_vec3a(),
+        };
+        self.walk(
+            0,
+            &mut (),
+            |node, ()| node.intersect_aabb(&cube, 0),
+            |index, ()| {
+                visit(index);
+                true
+            },
+        );
+    }
+
+    /// The traversal of Ylitie et al. 2017, section 4.2. `test` gives the mask of a node's children to
+    /// visit, `visit` whether to go on.
+    #[inline]
+    fn walk<S>(
+        &self,
+        octant: u32,
+        state: &mut S,
+        test: impl Fn(&CwBvhNode, &S) -> u32,
+        mut visit: impl FnMut(u32, &mut S) -> bool,
+    ) {
+        let mut pending = Pending::new();
+        let mut group = UVec2::new(0, 0x8000_0000);
+        loop {
+            // ---- the first inner node of the group
+            let bit = firstbithigh(group.y);
+            let mask = group.y;
+            group.y &= !(1 << bit);
+            if group.y & INNER != 0 {
+                pending.push(group);
+            }
+            let slot = (bit - 24) ^ (octant & 0xff);
+            let rank = (mask & !(u32::MAX << slot)).count_ones();
+            let node = &self.nodes.nodes[(group.x + rank) as usize];
+            let hits = test(node, state);
+            // ---- its leaves
+            let mut leaves = hits & !INNER;
+            while leaves != 0 {
+                let bit = firstbithigh(leaves);
+                leaves &= !(1 << bit);
+                if !visit(node.primitive_base_idx + bit, state) {
+                    return;
+                }
+            }
+            // ---- its inner children, or else the next group
+            group = UVec2::new(node.child_base_idx, hits & INNER | u32::from(node.imask));
+            if group.y & INNER == 0 {
+                match pending.pop() {
+                    Some(next) => group = next,
+                    None => return,
+                }
+            }
+        }
+    }
+}
+
+/// The order in which children are visited, for all four bytes (Ylitie et al. 2017, section 3.3).
+fn octant(direction: Vec3A) -> u32 {
+    let bit = |negative: bool, value: u32| if negative { 0 } else { value };
+    let o = bit(direction.x < 0.0, 4) | bit(direction.y < 0.0, 2) | bit(direction.z < 0.0, 1);
+    o * 0x0101_0101
+}
