@@ -4,5 +4,6 @@
 
 pub mod error;
 pub mod math;
+pub mod medium;
 
 pub use error::{Error, Result};

@@ -1,0 +1,3 @@
+//! What fills space.
+
+pub mod density;
