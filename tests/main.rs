@@ -1,3 +1,7 @@
+<<<<<<< HEAD
 //! One file for each promise.
 
 mod scene_files;
+=======
+mod vdb;
+>>>>>>> vdb

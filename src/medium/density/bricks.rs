@@ -1,0 +1,1016 @@
+//! Voxels for rendering: bricks of 8³ values behind an index, in index space.
+//!
+//! A voxel's value sits at its integer coordinates. Between voxels the density is trilinear, or that of
+//! the nearest voxel; beyond all voxels it is the background. Cubes of one value are an entry in the
+//! index, whatever their size. The index is an array over the occupied range of bricks where that is
+//! not much larger than the bricks themselves, and otherwise the three levels of an OpenVDB tree.
+//!
+//! A *cell* is what the eight voxels around it interpolate: the cube from voxel (i, j, k) to
+//! (i+1, j+1, k+1). A brick answers for the cells at its 8³ voxels, and so its majorant spans one more
+//! layer of voxels, the *apron*, that belongs to its upper neighbours.
+
+use super::vdb;
+use crate::error::{Error, Result};
+use crate::math::{Bounds, DVec3};
+use std::collections::HashMap;
+use std::ops::ControlFlow;
+
+/// What to do with negative voxels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum NegativePolicy {
+    /// Refuse the grid.
+    #[default]
+    Error,
+    /// Take them for 0.
+    Zero,
+}
+
+/// The density between voxels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Interpolation {
+    /// Linear along each axis, continuous.
+    #[default]
+    Trilinear,
+    /// That of the nearest voxel: constant on cubes centred on voxels.
+    Nearest,
+}
+
+/// A piece of a ray and the density at its ends and middle.
+///
+/// Within a cell the density along a ray is a cubic polynomial, which Simpson's rule integrates
+/// exactly: (tb − ta) (ρ_a + 4 ρ_mid + ρ_b)/6.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cell {
+    /// The ray's parameter where the piece begins.
+    pub ta: f64,
+    /// The ray's parameter where it ends; above `ta`.
+    pub tb: f64,
+    /// The density at `ta`.
+    pub rho_a: f32,
+    /// The density halfway.
+    pub rho_mid: f32,
+    /// The density at `tb`.
+    pub rho_b: f32,
+}
+
+impl Cell {
+    /// The integral of the density over the piece, in densities times the ray's parameter.
+    pub fn integral(&self) -> f64 {
+        let sum = self.rho_a as f64 + 4.0 * self.rho_mid as f64 + self.rho_b as f64;
+        if sum == 0.0 { 0.0 } else { (self.tb - self.ta) * sum / 6.0 }
+    }
+
+    /// Whether the density is the same throughout.
+    pub fn is_constant(&self) -> bool {
+        self.rho_a == self.rho_mid && self.rho_mid == self.rho_b
+    }
+}
+
+/// Voxels in bricks.
+pub struct BrickGrid {
+    background: f32,
+    interpolation: Interpolation,
+    /// The values of each brick, z fastest.
+    values: Vec<[f32; 512]>,
+    /// The least and greatest value of each brick.
+    own_ranges: Vec<Range>,
+    constants: Vec<f32>,
+    index: Index,
+    /// The first and last voxel along each axis that differ from the background.
+    occupied: Option<([i32; 3], [i32; 3])>,
+    active: Active,
+    max: f32,
+}
+
+/// Sums over active voxels.
+#[derive(Clone, Copy)]
+struct Active {
+    count: u64,
+    sum: f64,
+    min: f32,
+    max: f32,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+struct Range {
+    min: f32,
+    max: f32,
+}
+
+/// An entry of the index: a brick, a node of the next level, or, with this bit, a constant.
+const CONSTANT: u32 = 1 << 31;
+/// The background is the first of the constants.
+const BACKGROUND: u32 = CONSTANT;
+
+/// Where bricks are. Coordinates count bricks.
+enum Index {
+    Dense {
+        min: [i32; 3],
+        size: [u32; 3],
+        codes: Vec<u32>,
+        /// The least and greatest value of each entry's voxels and apron.
+        ranges: Vec<Range>,
+    },
+    Sparse {
+        /// Sorted by coordinates, which count cubes of 512³ bricks.
+        roots: Vec<([i32; 3], u32)>,
+        /// Nodes of 32³ entries of 16³ bricks each.
+        upper: Vec<Box<[u32]>>,
+        /// Nodes of 16³ entries of one brick each.
+        lower: Vec<Box<[u32]>>,
+    },
+}
+
+/// A brick or a cube of bricks on the way of a ray.
+struct Block {
+    /// The lowest brick.
+    lo: [i32; 3],
+    /// Beyond the highest brick.
+    hi: [i32; 3],
+    code: u32,
+    range: Range,
+}
+
+/// A ray in the coordinates of cells: nearest voxels are cells shifted by half.
+struct IndexRay {
+    origin: DVec3,
+    direction: DVec3,
+    inverse: DVec3,
+}
+
+impl BrickGrid {
+    /// The voxels of `grid`, to be interpolated trilinearly.
+    ///
+    /// Inactive voxels count with the value OpenVDB gives them: as stored, or the background.
+    ///
+    /// # Errors
+    /// [`Error::Asset`] for a level set, for voxels that are not finite or (under
+    /// [`NegativePolicy::Error`]) negative, with their count, and for voxels beyond ±2³⁰.
+    pub fn from_vdb(grid: &vdb::Grid, negative: NegativePolicy) -> Result<BrickGrid> {
+        let fail = |message: String| Error::asset(&grid.path, format!("grid {:?}: {message}", grid.name));
+        if grid.class == vdb::GridClass::LevelSet {
+            return Err(fail(
+                "is a level set: its values are distances to a surface, not densities; convert it to a fog volume".into(),
+            ));
+        }
+        let mut builder = Builder::new(grid.background, negative);
+        for leaf in &grid.leaves {
+            builder.add_leaf(leaf.origin, &leaf.active, &leaf.values);
+        }
+        for tile in grid.tiles() {
+            builder.add_tile(&tile);
+        }
+        builder.finish().map_err(fail)
+    }
+
+    /// `values` in z, y, x order (x fastest) from voxel `origin` on, all active; `background` beyond.
+    ///
+    /// # Errors
+    /// [`Error::Limit`] if `values` has another length than `dims` say, and as [`BrickGrid::from_vdb`] for values
+    /// out of range.
+    pub fn from_dense(
+        origin: [i32; 3],
+        dims: [usize; 3],
+        values: &[f32],
+        background: f32,
+        negative: NegativePolicy,
+    ) -> Result<BrickGrid> {
+        let [nx, ny, nz] = dims;
+        if nx.checked_mul(ny).and_then(|n| n.checked_mul(nz)) != Some(values.len()) {
+            return Err(Error::Limit(format!("{} values for an array of {nx} x {ny} x {nz}", values.len())));
+        }
+        let mut builder = Builder::new(background, negative);
+        let end: [i64; 3] = std::array::from_fn(|axis| origin[axis] as i64 + dims[axis] as i64);
+        if (0..3).any(|axis| out_of_reach(origin[axis] as i64, end[axis])) {
+            return Err(Error::Limit(format!("an array of {nx} x {ny} x {nz} from {origin:?} is out of reach")));
+        }
+        if !values.is_empty() {
+            let bricks = |axis: usize| origin[axis] >> 3..=(end[axis] as i32 - 1) >> 3;
+            let mut brick = [background; 512];
+            for bx in bricks(0) {
+                for by in bricks(1) {
+                    for bz in bricks(2) {
+                        let lowest = [8 * bx, 8 * by, 8 * bz];
+                        let mut active = [0_u64; 8];
+                        for (n, value) in brick.iter_mut().enumerate() {
+                            let local = [n >> 6, n >> 3 & 7, n & 7];
+                            let at: [usize; 3] = std::array::from_fn(|axis| {
+                                (lowest[axis] + local[axis] as i32).wrapping_sub(origin[axis]) as u32 as usize
+                            });
+                            let inside = at[0] < nx && at[1] < ny && at[2] < nz;
+                            *value = if inside { values[(at[2] * ny + at[1]) * nx + at[0]] } else { background };
+                            active[n >> 6] |= (inside as u64) << (n & 63);
+                        }
+                        builder.add_leaf(lowest, &active, &brick);
+                    }
+                }
+            }
+        }
+        builder.finish().map_err(Error::Limit)
+    }
+
+    /// The same voxels, interpolated in another way.
+    pub fn with_interpolation(self, interpolation: Interpolation) -> BrickGrid {
+        BrickGrid { interpolation, ..self }
+    }
+
+    /// How the density behaves between voxels.
+    pub fn interpolation(&self) -> Interpolation {
+        self.interpolation
+    }
+
+    /// The density where there are no voxels.
+    pub fn background(&self) -> f32 {
+        self.background
+    }
+
+    /// The greatest density anywhere, the background included.
+    pub fn max(&self) -> f32 {
+        self.max
+    }
+
+    /// The least value of an active voxel; infinite without any.
+    pub fn min_active(&self) -> f32 {
+        self.active.min
+    }
+
+    /// The greatest value of an active voxel; negative infinite without any.
+    pub fn max_active(&self) -> f32 {
+        self.active.max
+    }
+
+    /// How many voxels are active.
+    pub fn active_voxels(&self) -> u64 {
+        self.active.count
+    }
+
+    /// The sum over the active voxels.
+    pub fn sum(&self) -> f64 {
+        self.active.sum
+    }
+
+    /// How many bricks are stored.
+    pub fn bricks(&self) -> usize {
+        self.values.len()
+    }
+
+    /// The memory taken, in bytes.
+    pub fn bytes(&self) -> usize {
+        let index = match &self.index {
+            Index::Dense { codes, ranges, .. } => size_of_val(&codes[..]) + size_of_val(&ranges[..]),
+            Index::Sparse { roots, upper, lower } => {
+                size_of_val(&roots[..]) + upper.iter().chain(lower).map(|node| size_of_val(&node[..])).sum::<usize>()
+            }
+        };
+        index + size_of_val(&self.values[..]) + size_of_val(&self.own_ranges[..]) + size_of_val(&self.constants[..])
+    }
+
+    /// Where the density can differ from the background, in index space: lower faces included, upper
+    /// ones not. Empty if it differs nowhere.
+    pub fn support(&self) -> Bounds {
+        let Some((lo, hi)) = self.cell_range() else { return Bounds::EMPTY };
+        let shift = self.shift();
+        Bounds {
+            min: DVec3::from_array(lo.map(f64::from)) - shift,
+            max: DVec3::from_array(hi.map(f64::from)) - shift,
+        }
+    }
+
+    /// The value of voxel (i, j, k).
+    pub fn value_at(&self, i: i32, j: i32, k: i32) -> f32 {
+        let code = self.code([i >> 3, j >> 3, k >> 3]);
+        self.brick_value(code, [i & 7, j & 7, k & 7])
+    }
+
+    /// The density at `p`, in index space.
+    #[inline]
+    pub fn density(&self, p: DVec3) -> f32 {
+        match self.interpolation {
+            Interpolation::Trilinear => self.trilinear(p),
+            Interpolation::Nearest => self.nearest(p),
+        }
+    }
+
+    /// The value of the voxel nearest to `p`; halfway, that of the upper one.
+    #[inline]
+    pub fn nearest(&self, p: DVec3) -> f32 {
+        self.value_at(floor(p.x + 0.5), floor(p.y + 0.5), floor(p.z + 0.5))
+    }
+
+    /// The density at `p` interpolated between the eight voxels around it.
+    #[inline]
+    pub fn trilinear(&self, p: DVec3) -> f32 {
+        let i = [floor(p.x), floor(p.y), floor(p.z)];
+        let brick = i.map(|i| i >> 3);
+        let local = i.map(|i| i & 7);
+        let code = self.code(brick);
+        if local[0] < 7 && local[1] < 7 && local[2] < 7 {
+            if code & CONSTANT != 0 {
+                return self.constants[(code & !CONSTANT) as usize];
+            }
+            let fraction = [(p.x - i[0] as f64) as f32, (p.y - i[1] as f64) as f32, (p.z - i[2] as f64) as f32];
+            return interpolate(&corners_inside(&self.values[code as usize], local), fraction);
+        }
+        self.trilinear_across(p, i, code)
+    }
+
+    #[inline(never)]
+    fn trilinear_across(&self, p: DVec3, i: [i32; 3], code: u32) -> f32 {
+        let brick = i.map(|i| i >> 3);
+        let local = i.map(|i| i & 7);
+        // Only neighbours across the faces that the cell crosses are asked for.
+        let cross = local.map(|l| (l == 7) as i32);
+        let mut codes = [code; 8];
+        for n in 1..8_usize {
+            let step = [(n >> 2 & 1) as i32 & cross[0], (n >> 1 & 1) as i32 & cross[1], (n & 1) as i32 & cross[2]];
+            let m = (step[0] << 2 | step[1] << 1 | step[2]) as usize;
+            codes[n] = if m == n {
+                self.code([brick[0] + step[0], brick[1] + step[1], brick[2] + step[2]])
+            } else {
+                codes[m]
+            };
+        }
+        let corners = self.corners_across(&codes, local);
+        let fraction = std::array::from_fn(|axis| ((p[axis] - i[axis] as f64) as f32).clamp(0.0, 1.0));
+        interpolate(&corners, fraction)
+    }
+
+    /// Calls `visit(ta, tb, max, min)` with bounds of the density on consecutive pieces of the ray
+    /// `origin + t direction`, in index space, `direction` of any length. The pieces tile [t0, t1].
+    ///
+    /// Bounds hold up to the rounding of `f32` interpolation, 10⁻⁶ of the grid's maximum.
+    /// One bound for each brick, those with equal bounds joined.
+    pub fn majorants<B>(
+        &self,
+        origin: DVec3,
+        direction: DVec3,
+        t0: f64,
+        t1: f64,
+        mut visit: impl FnMut(f64, f64, f64, f64) -> ControlFlow<B>,
+    ) -> ControlFlow<B> {
+        let ray = IndexRay::new(origin + self.shift(), direction);
+        let mut pending: Option<(f64, f64, Range)> = None;
+        self.walk_blocks(&ray, t0, t1, |a, b, block| {
+            match &mut pending {
+                Some((_, end, range)) if *range == block.range => *end = b,
+                _ => {
+                    if let Some((a, b, range)) = pending.replace((a, b, block.range)) {
+                        return visit(a, b, range.max as f64, range.min as f64);
+                    }
+                }
+            }
+            ControlFlow::Continue(())
+        })?;
+        match pending {
+            Some((a, b, range)) => visit(a, b, range.max as f64, range.min as f64),
+            None => ControlFlow::Continue(()),
+        }
+    }
+
+    /// Visits the cells that the ray `origin + t direction` crosses within [t0, t1], in index space,
+    /// `direction` of any length. The pieces tile [t0, t1]; where the density is constant over whole
+    /// bricks one piece stands for many cells.
+    pub fn walk_cells<B>(
+        &self,
+        origin: DVec3,
+        direction: DVec3,
+        t0: f64,
+        t1: f64,
+        visit: impl FnMut(Cell) -> ControlFlow<B>,
+    ) -> ControlFlow<B> {
+        match self.interpolation {
+            Interpolation::Trilinear => self.walk_cells_as::<true, B>(origin, direction, t0, t1, visit),
+            Interpolation::Nearest => self.walk_cells_as::<false, B>(origin, direction, t0, t1, visit),
+        }
+    }
+
+    fn walk_cells_as<const TRILINEAR: bool, B>(
+        &self,
+        origin: DVec3,
+        direction: DVec3,
+        t0: f64,
+        t1: f64,
+        mut visit: impl FnMut(Cell) -> ControlFlow<B>,
+    ) -> ControlFlow<B> {
+        let constant = |ta, tb, rho| Cell { ta, tb, rho_a: rho, rho_mid: rho, rho_b: rho };
+        let ray = IndexRay::new(origin + self.shift(), direction);
+        let mut pending: Option<(f64, f64, f32)> = None;
+        self.walk_blocks(&ray, t0, t1, |a, b, block| {
+            if block.range.min == block.range.max {
+                match &mut pending {
+                    Some((_, end, rho)) if *rho == block.range.max => *end = b,
+                    _ => {
+                        if let Some((a, b, rho)) = pending.replace((a, b, block.range.max)) {
+                            return visit(constant(a, b, rho));
+                        }
+                    }
+                }
+                return ControlFlow::Continue(());
+            }
+            if let Some((a, b, rho)) = pending.take() {
+                visit(constant(a, b, rho))?;
+            }
+            self.walk_brick::<TRILINEAR, B>(&ray, a, b, &block, &mut visit)
+        })?;
+        match pending {
+            Some((a, b, rho)) => visit(constant(a, b, rho)),
+            None => ControlFlow::Continue(()),
+        }
+    }
+
+    /// The integral of the density over [t0, t1] along `origin + t direction`, in densities times t.
+    pub fn integral(&self, origin: DVec3, direction: DVec3, t0: f64, t1: f64) -> f64 {
+        let mut sum = 0.0;
+        let _ = self.walk_cells(origin, direction, t0, t1, |cell| {
+            sum += cell.integral();
+            ControlFlow::<()>::Continue(())
+        });
+        sum
+    }
+
+    /// Walks the cells of one brick from `a` to `b`.
+    #[inline]
+    fn walk_brick<const TRILINEAR: bool, B>(
+        &self,
+        ray: &IndexRay,
+        a: f64,
+        b: f64,
+        block: &Block,
+        visit: &mut impl FnMut(Cell) -> ControlFlow<B>,
+    ) -> ControlFlow<B> {
+        let lowest = DVec3::new((8 * block.lo[0]) as f64, (8 * block.lo[1]) as f64, (8 * block.lo[2]) as f64);
+        // Relative to the brick from here on.
+        let o = ray.origin - lowest;
+        let at = o + a * ray.direction;
+        let mut cell = [0; 3];
+        let mut plane_t = [f64::INFINITY; 3];
+        let mut step = [0; 3];
+        for axis in 0..3 {
+            cell[axis] = floor(at[axis]).clamp(0, 7);
+            let d = ray.direction[axis];
+            if d != 0.0 {
+                step[axis] = if d > 0.0 { 1 } else { -1 };
+                let plane = cell[axis] + (d > 0.0) as i32;
+                plane_t[axis] = (plane as f64 - o[axis]) * ray.inverse[axis];
+            }
+        }
+        let stored = (block.code & CONSTANT == 0).then(|| &self.values[block.code as usize]);
+        let mut near: Option<[u32; 8]> = None;
+
+        let mut ta = a;
+        let mut last: Option<f32> = None;
+        loop {
+            let axis = if plane_t[0] < plane_t[1] {
+                if plane_t[0] < plane_t[2] { 0 } else { 2 }
+            } else if plane_t[1] < plane_t[2] {
+                1
+            } else {
+                2
+            };
+            let tb = plane_t[axis].min(b);
+            if tb > ta {
+                let piece = if TRILINEAR {
+                    let corners = match stored {
+                        Some(values) if cell[0] < 7 && cell[1] < 7 && cell[2] < 7 => corners_inside(values, cell),
+                        _ => {
+                            let codes = near.get_or_insert_with(|| self.codes_near(block.lo));
+                            self.corners_across(codes, cell)
+                        }
+                    };
+                    let lowest = DVec3::new(cell[0] as f64, cell[1] as f64, cell[2] as f64);
+                    let fraction = |t: f64| {
+                        let p = o + t * ray.direction - lowest;
+                        [p.x as f32, p.y as f32, p.z as f32].map(|f| f.clamp(0.0, 1.0))
+                    };
+                    let (fa, fb) = (fraction(ta), fraction(tb));
+                    let mid = [0.5 * (fa[0] + fb[0]), 0.5 * (fa[1] + fb[1]), 0.5 * (fa[2] + fb[2])];
+                    // Continuous: a cell begins with what the one before it ended with.
+                    let rho_a = last.unwrap_or_else(|| interpolate(&corners, fa));
+                    let rho_b = interpolate(&corners, fb);
+                    last = Some(rho_b);
+                    Cell { ta, tb, rho_a, rho_mid: interpolate(&corners, mid), rho_b }
+                } else {
+                    let rho = self.brick_value(block.code, cell);
+                    Cell { ta, tb, rho_a: rho, rho_mid: rho, rho_b: rho }
+                };
+                visit(piece)?;
+                ta = tb;
+            }
+            cell[axis] += step[axis];
+            // Also where rounding puts the last plane before `b`.
+            if tb >= b || !(0..8).contains(&cell[axis]) {
+                if ta < b {
+                    cell[axis] = cell[axis].clamp(0, 7);
+                    plane_t = [f64::INFINITY; 3];
+                    continue;
+                }
+                return ControlFlow::Continue(());
+            }
+            let plane = cell[axis] + (step[axis] > 0) as i32;
+            plane_t[axis] = (plane as f64 - o[axis]) * ray.inverse[axis];
+        }
+    }
+
+    /// Visits bricks, or larger cubes of one value, that tile [t0, t1].
+    #[inline]
+    fn walk_blocks<B>(
+        &self,
+        ray: &IndexRay,
+        t0: f64,
+        t1: f64,
+        mut visit: impl FnMut(f64, f64, Block) -> ControlFlow<B>,
+    ) -> ControlFlow<B> {
+        let background = |a: f64, b: f64| {
+            let range = Range { min: self.background, max: self.background };
+            (a, b, Block { lo: [0; 3], hi: [0; 3], code: BACKGROUND, range })
+        };
+        let mut call = |(a, b, block): (f64, f64, Block)| {
+            if a < b { visit(a, b, block) } else { ControlFlow::Continue(()) }
+        };
+        let Some((lo, hi)) = self.cell_range() else { return call(background(t0, t1)) };
+        let Some((enter, exit)) = ray.clip(lo, hi, t0, t1) else { return call(background(t0, t1)) };
+        call(background(t0, enter))?;
+
+        let at = ray.origin + enter * ray.direction;
+        let first = lo.map(|x| x >> 3);
+        let last = hi.map(|x| (x - 1) >> 3);
+        let mut brick: [i32; 3] = std::array::from_fn(|axis| (floor(at[axis]) >> 3).clamp(first[axis], last[axis]));
+        let mut t = enter;
+        while t < exit {
+            let block = self.block(brick);
+            let (lo, hi) = (block.lo, block.hi);
+            let mut end = f64::INFINITY;
+            let mut axis = 0;
+            for a in 0..3 {
+                let d = ray.direction[a];
+                if d != 0.0 {
+                    let plane = 8 * if d > 0.0 { hi[a] as i64 } else { lo[a] as i64 };
+                    let t = (plane as f64 - ray.origin[a]) * ray.inverse[a];
+                    if t < end {
+                        (end, axis) = (t, a);
+                    }
+                }
+            }
+            let end = end.clamp(t, exit);
+            call((t, end, block))?;
+            t = end;
+            if t < exit {
+                // Strictly onwards along one axis and never back along the others.
+                let at = ray.origin + t * ray.direction;
+                for a in 0..3 {
+                    let d = ray.direction[a];
+                    if a == axis {
+                        brick[a] = if d > 0.0 { hi[a] } else { lo[a] - 1 }.clamp(first[a], last[a]);
+                    } else if hi[a] - lo[a] > 1 {
+                        let new = (floor(at[a]) >> 3).clamp(lo[a], hi[a] - 1).clamp(first[a], last[a]);
+                        brick[a] = if d > 0.0 { new.max(brick[a]) } else { new.min(brick[a]) };
+                    }
+                }
+            }
+        }
+        call(background(exit, t1))
+    }
+
+    /// The first cell and beyond the last along each axis that is not all background.
+    fn cell_range(&self) -> Option<([i32; 3], [i32; 3])> {
+        let reach = (self.interpolation == Interpolation::Trilinear) as i32;
+        self.occupied.map(|(first, last)| (first.map(|x| x - reach), last.map(|x| x + 1)))
+    }
+
+    /// From positions to the coordinates of cells.
+    fn shift(&self) -> DVec3 {
+        match self.interpolation {
+            Interpolation::Trilinear => DVec3::ZERO,
+            Interpolation::Nearest => DVec3::splat(0.5),
+        }
+    }
+
+    #[inline]
+    fn code(&self, brick: [i32; 3]) -> u32 {
+        match &self.index {
+            Index::Dense { min, size, codes, .. } => dense_entry(min, size, brick).map_or(BACKGROUND, |n| codes[n]),
+            Index::Sparse { .. } => self.sparse_code(brick).0,
+        }
+    }
+
+    /// An entry of a sparse index and the size of its cube in bricks, as a power of two.
+    fn sparse_code(&self, brick: [i32; 3]) -> (u32, u32) {
+        let Index::Sparse { roots, upper, lower } = &self.index else { return (BACKGROUND, 0) };
+        let root = brick.map(|x| x >> 9);
+        let Ok(found) = roots.binary_search_by_key(&root, |root| root.0) else { return (BACKGROUND, 9) };
+        let code = roots[found].1;
+        if code & CONSTANT != 0 {
+            return (code, 9);
+        }
+        let code = upper[code as usize][upper_offset(brick)];
+        if code & CONSTANT != 0 {
+            return (code, 4);
+        }
+        (lower[code as usize][lower_offset(brick)], 0)
+    }
+
+    /// The brick, or the cube of equal bricks, around `brick`.
+    #[inline]
+    fn block(&self, brick: [i32; 3]) -> Block {
+        let one = |code, range| Block { lo: brick, hi: brick.map(|x| x + 1), code, range };
+        if let Index::Dense { min, size, codes, ranges } = &self.index {
+            return match dense_entry(min, size, brick) {
+                Some(n) => one(codes[n], ranges[n]),
+                None => one(BACKGROUND, Range { min: self.background, max: self.background }),
+            };
+        }
+        let (code, log2) = self.sparse_code(brick);
+        if code & CONSTANT != 0 && log2 > 0 {
+            // All but the uppermost layers, whose aprons are other cubes'.
+            let lo = brick.map(|x| x >> log2 << log2);
+            let hi = lo.map(|x| x + (1 << log2) - 1);
+            if (0..3).all(|axis| brick[axis] < hi[axis]) {
+                return Block { lo, hi, code, range: self.own_range(code) };
+            }
+        }
+        let range = self.codes_near(brick).into_iter().fold(Range::NONE, |range, code| range.union(self.own_range(code)));
+        one(code, range)
+    }
+
+    /// The entries of a brick and its upper neighbours, z fastest.
+    fn codes_near(&self, brick: [i32; 3]) -> [u32; 8] {
+        std::array::from_fn(|n| {
+            self.code([brick[0] + (n >> 2 & 1) as i32, brick[1] + (n >> 1 & 1) as i32, brick[2] + (n & 1) as i32])
+        })
+    }
+
+    fn own_range(&self, code: u32) -> Range {
+        if code & CONSTANT == 0 {
+            return self.own_ranges[code as usize];
+        }
+        let value = self.constants[(code & !CONSTANT) as usize];
+        Range { min: value, max: value }
+    }
+
+    #[inline]
+    fn brick_value(&self, code: u32, local: [i32; 3]) -> f32 {
+        if code & CONSTANT != 0 {
+            return self.constants[(code & !CONSTANT) as usize];
+        }
+        self.values[code as usize][offset(local)]
+    }
+
+    /// The corners of a cell that reaches into the brick's upper neighbours.
+    fn corners_across(&self, codes: &[u32; 8], cell: [i32; 3]) -> [f32; 8] {
+        std::array::from_fn(|n| {
+            let corner = [cell[0] + (n >> 2 & 1) as i32, cell[1] + (n >> 1 & 1) as i32, cell[2] + (n & 1) as i32];
+            let neighbour = (corner[0] >> 3) << 2 | (corner[1] >> 3) << 1 | corner[2] >> 3;
+            self.brick_value(codes[neighbour as usize], corner.map(|x| x & 7))
+        })
+    }
+}
+
+impl Range {
+    const NONE: Range = Range { min: f32::INFINITY, max: f32::NEG_INFINITY };
+
+    fn union(self, other: Range) -> Range {
+        Range { min: self.min.min(other.min), max: self.max.max(other.max) }
+    }
+}
+
+impl IndexRay {
+    fn new(origin: DVec3, direction: DVec3) -> Self {
+        // So small a component that its inverse overflows moves the ray nowhere.
+        let direction =
+            DVec3::from_array(direction.to_array().map(|d| if d.recip().is_finite() { d } else { 0.0 }));
+        IndexRay { origin, direction, inverse: direction.recip() }
+    }
+
+    /// The part of [t0, t1] inside the box of cells; its upper faces are outside.
+    fn clip(&self, lo: [i32; 3], hi: [i32; 3], t0: f64, t1: f64) -> Option<(f64, f64)> {
+        let (mut enter, mut exit) = (t0, t1);
+        for axis in 0..3 {
+            let (o, d) = (self.origin[axis], self.direction[axis]);
+            let (lo, hi) = (lo[axis] as f64, hi[axis] as f64);
+            if d == 0.0 {
+                if !(lo..hi).contains(&o) {
+                    return None;
+                }
+                continue;
+            }
+            let (near, far) = if d > 0.0 { (lo, hi) } else { (hi, lo) };
+            enter = enter.max((near - o) * self.inverse[axis]);
+            exit = exit.min((far - o) * self.inverse[axis]);
+        }
+        (enter < exit).then_some((enter, exit))
+    }
+}
+
+/// Collects bricks and cubes of one value, then indexes them.
+struct Builder {
+    background: f32,
+    negative: NegativePolicy,
+    values: Vec<[f32; 512]>,
+    constants: Vec<f32>,
+    by_value: HashMap<u32, u32>,
+    /// Coordinates and size (as a power of two) in bricks, and what is there.
+    entries: Vec<([i32; 3], u32, u32)>,
+    occupied: Option<([i32; 3], [i32; 3])>,
+    active: Active,
+    max: f32,
+    bad: u64,
+    below_zero: u64,
+    lowest: f32,
+    far: Option<[i32; 3]>,
+}
+
+impl Builder {
+    fn new(background: f32, negative: NegativePolicy) -> Self {
+        let mut builder = Builder {
+            background,
+            negative,
+            values: Vec::new(),
+            constants: Vec::new(),
+            by_value: HashMap::new(),
+            entries: Vec::new(),
+            occupied: None,
+            active: Active { count: 0, sum: 0.0, min: f32::INFINITY, max: f32::NEG_INFINITY },
+            max: background,
+            bad: 0,
+            below_zero: 0,
+            lowest: 0.0,
+            far: None,
+        };
+        builder.background = builder.check(background, 1);
+        builder.max = builder.background;
+        builder.constant(builder.background);
+        builder
+    }
+
+    /// Counts what is out of range, and applies the policy.
+    fn check(&mut self, value: f32, count: u64) -> f32 {
+        if !value.is_finite() {
+            self.bad += count;
+            return 0.0;
+        }
+        if value < 0.0 {
+            if self.negative == NegativePolicy::Error {
+                self.below_zero += count;
+                self.lowest = self.lowest.min(value);
+            }
+            return 0.0;
+        }
+        // A zero has no sign.
+        value + 0.0
+    }
+
+    fn constant(&mut self, value: f32) -> u32 {
+        *self.by_value.entry(value.to_bits()).or_insert_with(|| {
+            self.constants.push(value);
+            CONSTANT | (self.constants.len() - 1) as u32
+        })
+    }
+
+    fn add_active(&mut self, value: f32, count: u64) {
+        self.active.count += count;
+        self.active.sum += value as f64 * count as f64;
+        self.active.min = self.active.min.min(value);
+        self.active.max = self.active.max.max(value);
+    }
+
+    fn occupy(&mut self, first: [i32; 3], last: [i32; 3]) {
+        if (0..3).any(|axis| out_of_reach(first[axis] as i64, last[axis] as i64)) {
+            self.far.get_or_insert(first);
+            return;
+        }
+        let (lo, hi) = self.occupied.get_or_insert((first, last));
+        for axis in 0..3 {
+            lo[axis] = lo[axis].min(first[axis]);
+            hi[axis] = hi[axis].max(last[axis]);
+        }
+    }
+
+    fn add_leaf(&mut self, origin: [i32; 3], active: &[u64; 8], stored: &[f32; 512]) {
+        let mut values = [0.0; 512];
+        let (mut first, mut last) = ([8; 3], [-1; 3]);
+        for (n, (value, &stored)) in values.iter_mut().zip(stored).enumerate() {
+            *value = self.check(stored, 1);
+            self.max = self.max.max(*value);
+            if active[n >> 6] >> (n & 63) & 1 != 0 {
+                self.add_active(*value, 1);
+            }
+            if *value != self.background {
+                let local = [n >> 6, n >> 3 & 7, n & 7];
+                for axis in 0..3 {
+                    first[axis] = local[axis].min(first[axis] as usize) as i32;
+                    last[axis] = last[axis].max(local[axis] as i32);
+                }
+            }
+        }
+        if last[0] < 0 {
+            return;
+        }
+        self.occupy(
+            std::array::from_fn(|axis| origin[axis] + first[axis]),
+            std::array::from_fn(|axis| origin[axis] + last[axis]),
+        );
+        let code = if values.iter().all(|value| *value == values[0]) {
+            self.constant(values[0])
+        } else {
+            self.values.push(values);
+            (self.values.len() - 1) as u32
+        };
+        self.entries.push((origin.map(|x| x >> 3), 0, code));
+    }
+
+    fn add_tile(&mut self, tile: &vdb::Tile) {
+        let count = (tile.size as u64).pow(3);
+        let value = self.check(tile.value, count);
+        self.max = self.max.max(value);
+        if tile.active {
+            self.add_active(value, count);
+        }
+        if value != self.background {
+            self.occupy(tile.origin, tile.origin.map(|x| x + (tile.size - 1)));
+            let code = self.constant(value);
+            self.entries.push((tile.origin.map(|x| x >> 3), tile.size.ilog2() - 3, code));
+        }
+    }
+
+    fn finish(mut self) -> Result<BrickGrid, String> {
+        if self.bad > 0 {
+            return Err(format!("{} voxels are infinite or not numbers: repair the grid", self.bad));
+        }
+        if self.below_zero > 0 {
+            return Err(format!(
+                "{} voxels are negative, down to {}: densities must not be; set negative = \"zero\" to take them for 0",
+                self.below_zero, self.lowest
+            ));
+        }
+        if let Some(far) = self.far {
+            return Err(format!("has voxels at {far:?}, beyond ±2^30"));
+        }
+        if self.values.len() >= CONSTANT as usize || self.constants.len() >= CONSTANT as usize {
+            return Err("has more than 2^31 bricks".to_string());
+        }
+        self.values.shrink_to_fit();
+        let own_ranges = self.values.iter().map(|values| layer_range(values, 0)).collect();
+        let index = self.index();
+        Ok(BrickGrid {
+            background: self.background,
+            interpolation: Interpolation::Trilinear,
+            values: self.values,
+            own_ranges,
+            constants: self.constants,
+            index,
+            occupied: self.occupied,
+            active: self.active,
+            max: self.max,
+        })
+    }
+
+    fn index(&self) -> Index {
+        // A dense entry takes 12 bytes, a brick 2048: the array may cost a third of the bricks, or 1 MB.
+        const ALWAYS: u64 = 1 << 16;
+        const PER_BRICK: u64 = 56;
+        let budget = ALWAYS + PER_BRICK * self.values.len() as u64;
+        let (first, last) = self.occupied.unwrap_or_default();
+        // One more below, where cells reach up into the first bricks.
+        let min = first.map(|x| (x >> 3) - 1);
+        let size: [u32; 3] = std::array::from_fn(|axis| ((last[axis] >> 3) - min[axis] + 1) as u32);
+        let count = size.iter().try_fold(1_u64, |count, &n| count.checked_mul(n as u64));
+        match count {
+            Some(count) if count <= budget => self.dense_index(min, size, count as usize),
+            _ => self.sparse_index(),
+        }
+    }
+
+    fn dense_index(&self, min: [i32; 3], size: [u32; 3], count: usize) -> Index {
+        let mut codes = vec![BACKGROUND; count];
+        for &(brick, log2, code) in &self.entries {
+            // A cube ends within the array, since it is occupied; only its corner may be asked for.
+            let edge = 1 << log2;
+            for x in 0..edge {
+                for y in 0..edge {
+                    for z in 0..edge {
+                        if let Some(n) = dense_entry(&min, &size, [brick[0] + x, brick[1] + y, brick[2] + z]) {
+                            codes[n] = code;
+                        }
+                    }
+                }
+            }
+        }
+        // The ranges of the parts of each brick that lie in the apron of a lower neighbour.
+        let parts: Vec<[Range; 8]> =
+            self.values.iter().map(|values| std::array::from_fn(|part| layer_range(values, part))).collect();
+        let constant = |code: u32| self.constants[(code & !CONSTANT) as usize];
+        let ranges = (0..count)
+            .map(|n| {
+                let local = [n / (size[1] as usize * size[2] as usize), n / size[2] as usize % size[1] as usize, n % size[2] as usize];
+                (0..8).fold(Range::NONE, |range, part| {
+                    let brick = [
+                        min[0] + (local[0] + (part >> 2 & 1)) as i32,
+                        min[1] + (local[1] + (part >> 1 & 1)) as i32,
+                        min[2] + (local[2] + (part & 1)) as i32,
+                    ];
+                    let code = dense_entry(&min, &size, brick).map_or(BACKGROUND, |n| codes[n]);
+                    range.union(if code & CONSTANT != 0 {
+                        Range { min: constant(code), max: constant(code) }
+                    } else {
+                        parts[code as usize][part]
+                    })
+                })
+            })
+            .collect();
+        Index::Dense { min, size, codes, ranges }
+    }
+
+    fn sparse_index(&self) -> Index {
+        let mut by_place: HashMap<[i32; 3], u32> = HashMap::new();
+        let (mut upper, mut lower): (Vec<Box<[u32]>>, Vec<Box<[u32]>>) = (Vec::new(), Vec::new());
+        let node = |nodes: &mut Vec<Box<[u32]>>, size: usize| {
+            nodes.push(vec![BACKGROUND; size].into());
+            (nodes.len() - 1) as u32
+        };
+        for &(brick, log2, code) in &self.entries {
+            let root = by_place.entry(brick.map(|x| x >> 9)).or_insert(BACKGROUND);
+            if log2 == 9 {
+                *root = code;
+                continue;
+            }
+            if *root & CONSTANT != 0 {
+                *root = node(&mut upper, 1 << 15);
+            }
+            let entry = &mut upper[*root as usize][upper_offset(brick)];
+            if log2 == 4 {
+                *entry = code;
+                continue;
+            }
+            if *entry & CONSTANT != 0 {
+                *entry = node(&mut lower, 1 << 12);
+            }
+            lower[*entry as usize][lower_offset(brick)] = code;
+        }
+        let mut roots: Vec<_> = by_place.into_iter().collect();
+        roots.sort_unstable();
+        Index::Sparse { roots, upper, lower }
+    }
+}
+
+/// Whether voxels from `first` to `last` leave what `i32` arithmetic has room for.
+fn out_of_reach(first: i64, last: i64) -> bool {
+    first < -(1 << 30) || last > 1 << 30
+}
+
+/// The range of the voxels of a brick whose x, y, z is 0 where the bits 2, 1, 0 of `part` say so.
+fn layer_range(values: &[f32; 512], part: usize) -> Range {
+    let count = |bit: usize| if part >> bit & 1 != 0 { 1 } else { 8 };
+    let mut range = Range::NONE;
+    for x in 0..count(2) {
+        for y in 0..count(1) {
+            for value in &values[64 * x + 8 * y..][..count(0)] {
+                range = range.union(Range { min: *value, max: *value });
+            }
+        }
+    }
+    range
+}
+
+#[inline]
+fn dense_entry(min: &[i32; 3], size: &[u32; 3], brick: [i32; 3]) -> Option<usize> {
+    let at: [u32; 3] = std::array::from_fn(|axis| brick[axis].wrapping_sub(min[axis]) as u32);
+    (at[0] < size[0] && at[1] < size[1] && at[2] < size[2])
+        .then(|| (at[0] as usize * size[1] as usize + at[1] as usize) * size[2] as usize + at[2] as usize)
+}
+
+fn upper_offset(brick: [i32; 3]) -> usize {
+    brick.iter().fold(0, |n, x| n << 5 | (x >> 4 & 31) as usize)
+}
+
+fn lower_offset(brick: [i32; 3]) -> usize {
+    brick.iter().fold(0, |n, x| n << 4 | (x & 15) as usize)
+}
+
+#[inline]
+fn offset(local: [i32; 3]) -> usize {
+    (local[0] << 6 | local[1] << 3 | local[2]) as usize & 511
+}
+
+/// The corners of a cell within a brick, z fastest.
+#[inline]
+fn corners_inside(values: &[f32; 512], cell: [i32; 3]) -> [f32; 8] {
+    let n = offset(cell);
+    let at = |step: usize| values[(n + step) & 511];
+    [at(0), at(1), at(8), at(9), at(64), at(65), at(72), at(73)]
+}
+
+#[inline]
+fn interpolate(corners: &[f32; 8], [x, y, z]: [f32; 3]) -> f32 {
+    let lerp = |a: f32, b: f32, f: f32| a + (b - a) * f;
+    let [c0, c1, c2, c3, c4, c5, c6, c7] = *corners;
+    let low = lerp(lerp(c0, c1, z), lerp(c2, c3, z), y);
+    let high = lerp(lerp(c4, c5, z), lerp(c6, c7, z), y);
+    lerp(low, high, x)
+}
+
+/// ⌊x⌋, saturated below and above what `i32` holds.
+#[inline]
+fn floor(x: f64) -> i32 {
+    let truncated = x as i32;
+    truncated.saturating_sub((x < truncated as f64) as i32)
+}
