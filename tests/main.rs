@@ -1,7 +1,4 @@
-<<<<<<< HEAD
 //! One file for each promise.
 
 mod scene_files;
-=======
 mod vdb;
->>>>>>> vdb

@@ -3,7 +3,9 @@
 mod beam;
 mod depth;
 mod phase;
+mod volume;
 
 pub use beam::{BeamQuery, GatherStats, Gathered};
 pub use depth::DepthTable;
 pub use phase::{Lobe, PhaseLanes};
+pub use volume::{Scratch, VolumeMaps, emitted};

@@ -117,7 +117,8 @@ impl Area {
             let travel = cone.sample(stream.uniform2());
             let distance = self.toward_disc(p, travel, cone.axis)?;
             let density = 1.0 / cone.outer_solid_angle();
-            return Some(Arrival { direction: -travel, distance, radiance, density, has_size: true });
+            let normal = cone.axis;
+            return Some(Arrival { direction: -travel, distance, radiance, density, has_size: true, normal });
         }
         let sample = geometry.sample_toward(self.shape, p, stream.uniform2())?;
         let radiance = self.radiance(sample.normal, -sample.direction);
@@ -127,6 +128,7 @@ impl Area {
             radiance,
             density: sample.pdf,
             has_size: true,
+            normal: sample.normal,
         })
     }
 

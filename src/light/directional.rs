@@ -56,6 +56,7 @@ impl Directional {
                 radiance: cone_radiance(self.irradiance, self.cone),
                 density: 1.0 / (2.0 * PI * self.cone),
                 has_size: true,
+                normal: self.direction,
             });
         }
         let distance = match self.beam {
@@ -68,6 +69,7 @@ impl Directional {
             radiance: self.irradiance,
             density: 1.0,
             has_size: false,
+            normal: self.direction,
         })
     }
 

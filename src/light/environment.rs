@@ -107,6 +107,7 @@ impl Environment {
             radiance: self.radiance(direction),
             density,
             has_size: true,
+            normal: -direction,
         })
     }
 

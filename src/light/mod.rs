@@ -48,6 +48,8 @@ pub struct Arrival {
     pub density: f64,
     /// Whether a ray that starts at the point could meet the light by chance.
     pub has_size: bool,
+    /// The outward normal of the light's surface; against the direction for lights without one.
+    pub normal: DVec3,
 }
 
 /// A photon at its start.

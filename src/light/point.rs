@@ -28,6 +28,7 @@ impl Point {
             radiance: self.intensity / (distance * distance),
             density: 1.0,
             has_size: false,
+            normal: (p - self.position) / distance,
         })
     }
 

@@ -81,6 +81,7 @@ impl Spot {
             radiance: share * self.intensity / (distance * distance),
             density: 1.0,
             has_size: false,
+            normal: -direction,
         })
     }
 

@@ -6,8 +6,10 @@
 pub mod description;
 mod overrides;
 mod read;
+mod scene;
 mod table;
 mod tree;
 
 pub use description::{Description, Located, Place};
+pub use scene::{Inside, Scene, Solid, Surface};
 pub use read::{parse, read};

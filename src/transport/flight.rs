@@ -153,3 +153,39 @@ pub fn pass(medium: &Medium, ray: &Ray, (a, b): (f64, f64), weight: &mut Rgb, st
         }
     });
 }
+
+/// A walk split in two: what collides on a stretch, and what does not.
+#[derive(Clone, Copy, Debug)]
+pub struct Forced {
+    /// Where the one part collides, and its weight; `None` where nothing can.
+    pub collision: Option<(f64, Rgb)>,
+    /// The transmittance: by this the other part's weight is multiplied.
+    pub passed: Rgb,
+    /// The chance of a collision, with the channels mixed by their shares of the weight.
+    pub chance: f64,
+}
+
+/// Splits a walk that enters `medium` at `a` with `weight` and leaves it at `b`: exact for any optical
+/// depth, however small.
+pub fn force(medium: &Medium, ray: &Ray, (a, b): (f64, f64), weight: Rgb, stream: &mut Stream) -> Forced {
+    let sigma = medium.extinction;
+    let depth = medium.density.depth(ray, a, b);
+    let passed = medium.transmittance(depth);
+    // 1 − e^{−σD} without cancellation.
+    let absorbed = sigma.map(|sigma| if sigma > 0.0 { -(-sigma * depth).exp_m1() } else { 0.0 });
+    let part = shares(weight) * absorbed;
+    let chance = part.element_sum();
+    let nothing = Forced { collision: None, passed, chance: 0.0 };
+    if chance.is_nan() || chance <= 0.0 {
+        return nothing;
+    }
+    let [u, v] = stream.uniform2();
+    let u = u * chance;
+    let channel = if u < part.x { 0 } else if u < part.x + part.y { 1 } else { 2 };
+    // The inverse of (1 − e^{−σD})/(1 − e^{−σD_b}).
+    let target = -(-v * absorbed[channel]).ln_1p() / sigma[channel];
+    let Some(t) = medium.density.advance(ray, a, b, target.min(depth)) else { return nothing };
+    let density = sigma * medium.transmittance(target);
+    let mean = (shares(weight) * density).element_sum();
+    Forced { collision: (mean > 0.0).then(|| (t, weight * density * (chance / mean))), passed, chance }
+}

@@ -6,7 +6,7 @@ mod light;
 mod roulette;
 mod walk;
 
-pub use flight::{Tally, flight_density, fly, pass};
+pub use flight::{Forced, Tally, flight_density, fly, force, pass};
 pub use light::{light_density, transmit};
 pub use roulette::{shares, survive};
 pub use walk::{Crossing, Interaction, Reflection, Segment, Side, Stop, Visitor, Walk};

@@ -138,6 +138,12 @@ struct IndexRay {
     inverse: DVec3,
 }
 
+impl std::fmt::Debug for BrickGrid {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("BrickGrid").field("bricks", &self.values.len()).field("occupied", &self.occupied).finish()
+    }
+}
+
 impl BrickGrid {
     /// The voxels of `grid`, to be interpolated trilinearly.
     ///

@@ -7,7 +7,7 @@ pub mod npy;
 pub mod vdb;
 
 pub use exponential::Exponential;
-pub use grid::{Grid, Interpolation};
+pub use grid::Grid;
 
 use crate::math::{Bounds, DVec3, Ray};
 

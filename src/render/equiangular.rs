@@ -1,0 +1,204 @@
+//! Equiangular draws along a stretch of a ray (Kulla and Fajardo 2012): distances in proportion to the
+//! angle a light sees, which cancels the 1/d² of small lights near the ray.
+
+use std::f64::consts::FRAC_PI_2;
+
+use crate::geometry::Hit;
+use crate::light::{Arrival, Light, Profile};
+use crate::math::{DVec3, Ray, Rgb, Stream};
+use crate::medium::Medium;
+use crate::scene::Scene;
+use crate::transport::{self, Crossing, Segment};
+
+/// A stretch of a ray in a medium, and how its collisions are drawn.
+#[derive(Clone, Debug)]
+pub struct Stretch {
+    /// The ray.
+    pub ray: Ray,
+    /// Where the stretch begins.
+    pub a: f64,
+    /// Where it ends; perhaps at infinity.
+    pub b: f64,
+    /// The path's weight at its beginning.
+    pub weight: Rgb,
+    /// The chance of a collision, where one is certain to be drawn; 1 where it is left to chance.
+    pub chance: f64,
+    /// Lights farther aside than this are left to collisions by chance: a mean free path.
+    reach: f64,
+}
+
+/// A draw.
+#[derive(Clone, Copy, Debug)]
+pub struct Draw {
+    /// Where on the ray.
+    pub t: f64,
+    /// The light: an index into [`Scene::lights`].
+    pub light: u32,
+    /// The light that could arrive there, with the density with which it would be asked for there.
+    pub arrival: Arrival,
+    /// The density of the draw per length, and per steradian if the light has a size.
+    pub density: f64,
+}
+
+impl Stretch {
+    /// A stretch entered with `weight`.
+    pub fn new(segment: &Segment<'_>, medium: &Medium, weight: Rgb) -> Self {
+        let extinction = medium.extinction.element_sum() / 3.0 * medium.density.max();
+        Stretch { ray: *segment.ray, a: segment.a, b: segment.b, weight, chance: 1.0, reach: 1.0 / extinction }
+    }
+
+    /// The density per length with which a collision is drawn at `t`.
+    pub fn flight_density(&self, medium: &Medium, t: f64) -> f64 {
+        transport::flight_density(medium, &self.ray, self.a, t, self.weight) / self.chance
+    }
+
+    /// How much a light matters to this stretch; 0 for those it leaves to collisions by chance.
+    fn importance(&self, light: &Light) -> f64 {
+        let (center, power, area) = match light {
+            Light::Point(point) => (point.position, point.intensity, 0.0),
+            Light::Spot(spot) => (spot.position, spot.intensity, 0.0),
+            Light::Area(area) => match area.profile {
+                Profile::Diffuse(radiance) => (area.bounds.center(), radiance * area.area, area.area),
+                Profile::Spot(intensity, _) => (area.bounds.center(), intensity, area.area),
+                Profile::Beam(..) => return 0.0,
+            },
+            Light::Directional(_) | Light::Environment(_) => return 0.0,
+        };
+        let along = (center - self.ray.origin).dot(self.ray.direction);
+        let aside2 = center.distance_squared(self.ray.at(along));
+        if aside2.max(area) > self.reach * self.reach {
+            return 0.0;
+        }
+        let nearest = self.ray.at(along.clamp(self.a, self.b));
+        power.element_sum() / (center.distance_squared(nearest) + area).max(f64::MIN_POSITIVE)
+    }
+
+    fn total_importance(&self, scene: &Scene) -> f64 {
+        scene.lights.iter().map(|light| self.importance(light)).sum()
+    }
+
+    /// The angles under which `to` sees the ends, its foot on the ray and its distance from the ray.
+    fn angles(&self, to: DVec3) -> (f64, f64, f64, f64) {
+        let foot = (to - self.ray.origin).dot(self.ray.direction);
+        let distance = to.distance(self.ray.origin);
+        // A light on the ray itself is moved off it by a billionth.
+        let aside = to.distance(self.ray.at(foot)).max(1e-9 * distance).max(f64::MIN_POSITIVE);
+        let start = (self.a - foot).atan2(aside);
+        let end = if self.b.is_finite() { (self.b - foot).atan2(aside) } else { FRAC_PI_2 };
+        (start, end, foot, aside)
+    }
+
+    /// The density per length of drawing `t` for a light at `to`.
+    fn distance_density(&self, to: DVec3, t: f64) -> f64 {
+        let (start, end, foot, aside) = self.angles(to);
+        if end <= start {
+            return 0.0;
+        }
+        aside / ((end - start) * (aside * aside + (t - foot) * (t - foot)))
+    }
+
+    fn draw_distance(&self, to: DVec3, u: f64) -> Option<f64> {
+        let (start, end, foot, aside) = self.angles(to);
+        let t = foot + aside * (start + u * (end - start)).tan();
+        (end > start && t.is_finite()).then(|| t.clamp(self.a, self.b))
+    }
+}
+
+/// Draws a light, a point on it, and a distance on the stretch for them.
+pub fn draw(scene: &Scene, stretch: &Stretch, stream: &mut Stream) -> Option<Draw> {
+    let total = stretch.total_importance(scene);
+    if total.is_nan() || total <= 0.0 {
+        return None;
+    }
+    let mut left = stream.uniform() * total;
+    let mut chosen = None;
+    for (index, light) in scene.lights.iter().enumerate() {
+        let importance = stretch.importance(light);
+        if importance > 0.0 {
+            chosen = Some((index, light, importance / total));
+            if left < importance {
+                break;
+            }
+        }
+        left -= importance;
+    }
+    let (index, light, choice) = chosen?;
+    match light {
+        Light::Area(area) => {
+            let sample = scene.geometry.sample_area(area.shape, stream.uniform2());
+            let t = stretch.draw_distance(sample.point, stream.uniform())?;
+            let from = stretch.ray.at(t);
+            let distance = sample.point.distance(from);
+            let direction = (sample.point - from) / distance;
+            let radiance = area.radiance(sample.normal, -direction);
+            let cos = sample.normal.dot(direction).abs();
+            if radiance.max_element() <= 0.0 || cos <= 0.0 || !direction.is_finite() {
+                return None;
+            }
+            let hit = met(area.shape, distance, sample.normal);
+            let arrival = Arrival {
+                direction,
+                distance,
+                radiance,
+                density: area.density(&scene.geometry, from, &hit, direction),
+                has_size: true,
+                normal: sample.normal,
+            };
+            let density = choice * sample.pdf * stretch.distance_density(sample.point, t) * distance * distance / cos;
+            Some(Draw { t, light: index as u32, arrival, density })
+        }
+        _ => {
+            let position = match light {
+                Light::Point(point) => point.position,
+                Light::Spot(spot) => spot.position,
+                _ => return None,
+            };
+            let t = stretch.draw_distance(position, stream.uniform())?;
+            let arrival = light.arrive(&scene.geometry, stretch.ray.at(t), stream)?;
+            Some(Draw {
+                t,
+                light: index as u32,
+                arrival,
+                density: choice * stretch.distance_density(position, t),
+            })
+        }
+    }
+}
+
+/// A hit as far as densities want to know it.
+fn met(shape: u32, distance: f64, normal: DVec3) -> Hit {
+    Hit { t: distance, id: shape, primitive: 0, normal, shading_normal: normal, uv: [0.0; 2] }
+}
+
+/// The density with which [`draw`] draws `t` together with light `index` so that this `arrival` results.
+pub fn density(scene: &Scene, stretch: &Stretch, t: f64, index: u32, arrival: &Arrival) -> f64 {
+    let light = &scene.lights[index as usize];
+    let importance = stretch.importance(light);
+    if importance <= 0.0 {
+        return 0.0;
+    }
+    let choice = importance / stretch.total_importance(scene);
+    let to = stretch.ray.at(t) + arrival.distance * arrival.direction;
+    let per_length = choice * stretch.distance_density(to, t);
+    match light {
+        Light::Area(area) => {
+            let hit = met(area.shape, arrival.distance, arrival.normal);
+            let per_area = scene.geometry.pdf_area(area.shape, &hit);
+            per_length * per_area * arrival.distance * arrival.distance / arrival.normal.dot(arrival.direction).abs()
+        }
+        _ => per_length,
+    }
+}
+
+/// The same for light met by chance, on the way from the collision at `t`.
+pub fn density_of_crossing(scene: &Scene, stretch: &Stretch, t: f64, crossing: &Crossing<'_>) -> f64 {
+    let arrival = Arrival {
+        direction: crossing.ray.direction,
+        distance: crossing.hit.t,
+        radiance: Rgb::ZERO,
+        density: 0.0,
+        has_size: true,
+        normal: crossing.hit.normal,
+    };
+    density(scene, stretch, t, crossing.light, &arrival)
+}

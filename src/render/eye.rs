@@ -1,0 +1,555 @@
+//! Eye paths: radiance along a camera ray, by the unbiased path tracer or from photons.
+//!
+//! Both walk alike from surface to surface. They differ in the media between: a path either collides
+//! there by chance, or, where collisions are rare, splits into a part that does and one that does not;
+//! with photons it never collides, and gathers along every segment instead.
+
+use std::f64::consts::PI;
+use std::ops::ControlFlow;
+
+use super::equiangular::{self, Stretch};
+use crate::gather::{self, Scratch, VolumeMaps};
+use crate::light::Light;
+use crate::math::{DVec3, Ray, Rgb, Stream};
+use crate::medium::{Emission, Medium};
+use crate::scene::{Inside, Scene};
+use crate::transport::{
+    self, Crossing, Interaction, Reflection, Segment, Side, Stop, Tally, Visitor, Walk, light_density, shares, survive,
+    transmit,
+};
+
+/// The components of light transport, by the first event on the eye's side.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(usize)]
+pub enum Component {
+    /// Emitters and the environment, seen directly.
+    Emission,
+    /// Light that reflects once, diffusely.
+    Direct,
+    /// What else a diffuse surface reflects.
+    Indirect,
+    /// What a mirror or a refracting boundary shows.
+    Specular,
+    /// What media emit, seen directly.
+    VolumeEmission,
+    /// Light that scatters once, in a medium.
+    VolumeSingle,
+    /// What else a medium scatters.
+    VolumeMultiple,
+}
+
+impl Component {
+    /// All of them, in order.
+    pub const ALL: [Component; 7] = [
+        Component::Emission,
+        Component::Direct,
+        Component::Indirect,
+        Component::Specular,
+        Component::VolumeEmission,
+        Component::VolumeSingle,
+        Component::VolumeMultiple,
+    ];
+
+    /// Its layer's name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Component::Emission => "emission",
+            Component::Direct => "direct",
+            Component::Indirect => "indirect",
+            Component::Specular => "specular",
+            Component::VolumeEmission => "volume_emission",
+            Component::VolumeSingle => "volume_single",
+            Component::VolumeMultiple => "volume_multiple",
+        }
+    }
+}
+
+/// What one camera sample saw.
+#[derive(Clone, Copy, Debug)]
+pub struct Sample {
+    /// Radiance by [`Component`].
+    pub radiance: [Rgb; Component::ALL.len()],
+    /// Reflectance of the first surface.
+    pub albedo: Rgb,
+    /// Normal of the first surface, facing the eye.
+    pub normal: DVec3,
+    /// Distance of the first surface; infinite if there is none.
+    pub depth: f64,
+}
+
+impl Default for Sample {
+    fn default() -> Self {
+        Sample {
+            radiance: Default::default(),
+            albedo: Rgb::ZERO,
+            normal: DVec3::ZERO,
+            depth: f64::INFINITY,
+        }
+    }
+}
+
+/// How media are dealt with.
+#[derive(Clone, Copy)]
+pub enum Mode<'a> {
+    /// Paths collide by chance.
+    Track,
+    /// Paths that have not collided yet split on every segment.
+    Split,
+    /// Light is gathered from photons.
+    Gather(&'a VolumeMaps),
+}
+
+/// The safety stop of walks that nothing ends: never below 10⁹ events; counted when it strikes.
+pub const SAFETY_STOP: u64 = 1_000_000_000;
+
+/// Eye weights below this are thinned by roulette where photons are gathered.
+const FAINT: f64 = 0.05;
+
+/// Computes radiance along rays.
+pub struct Eye<'s> {
+    scene: &'s Scene,
+    mode: Mode<'s>,
+}
+
+/// Which kind of event came first.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum First {
+    Diffuse,
+    Specular,
+    Medium,
+}
+
+/// Where a path turned last: decides how light it meets by chance shares with light it asked for.
+#[derive(Clone)]
+enum Previous {
+    /// At the camera or a specular surface: no one else can find that light.
+    Specular,
+    /// At a diffuse surface.
+    Surface { point: DVec3, density: f64 },
+    /// In a medium.
+    Medium(Collision),
+}
+
+/// A collision and how it came about.
+#[derive(Clone)]
+struct Collision {
+    point: DVec3,
+    /// The stretch it was drawn on, and where on it.
+    stretch: Stretch,
+    t: f64,
+    /// Of drawing `t`, per length.
+    flight_density: f64,
+    /// Of the direction drawn since, per steradian.
+    phase_density: f64,
+}
+
+/// A path on its way.
+#[derive(Clone)]
+struct Path {
+    weight: Rgb,
+    events: u64,
+    first: Option<First>,
+    previous: Previous,
+}
+
+impl Path {
+    fn component(&self, straight_from_light: bool) -> Component {
+        match (self.first, self.events) {
+            (None, _) if straight_from_light => Component::Emission,
+            (None, _) => Component::VolumeEmission,
+            (Some(First::Specular), _) => Component::Specular,
+            (Some(First::Diffuse), 1) if straight_from_light => Component::Direct,
+            (Some(First::Diffuse), _) => Component::Indirect,
+            (Some(First::Medium), 1) => Component::VolumeSingle,
+            (Some(First::Medium), _) => Component::VolumeMultiple,
+        }
+    }
+}
+
+/// What a sample needs beside the scene.
+pub struct Context<'c> {
+    /// Its random numbers.
+    pub stream: &'c mut Stream,
+    /// Reused memory.
+    pub scratch: &'c mut Scratch,
+    /// Counts.
+    pub tally: &'c mut Tally,
+}
+
+impl<'s> Eye<'s> {
+    /// An eye in a scene.
+    pub fn new(scene: &'s Scene, mode: Mode<'s>) -> Self {
+        Eye { scene, mode }
+    }
+
+    /// What is seen along `ray`, which starts inside these solids.
+    pub fn look(&self, ray: Ray, inside: Inside, context: &mut Context<'_>) -> Sample {
+        let mut sample = Sample::default();
+        let path = Path { weight: Rgb::ONE, events: 0, first: None, previous: Previous::Specular };
+        let split = matches!(self.mode, Mode::Split);
+        self.follow(Walk::new(self.scene, ray, inside), path, split, &mut sample, context);
+        for radiance in &mut sample.radiance {
+            if !radiance.is_finite() {
+                context.tally.broken += 1;
+                *radiance = Rgb::ZERO;
+            }
+        }
+        sample
+    }
+
+    /// Whether a path of `events` events may have one more.
+    fn may_go_on(&self, events: u64) -> bool {
+        let most = self.scene.render.max_depth as u64;
+        most == 0 || events < most
+    }
+
+    fn follow(
+        &self,
+        mut walk: Walk<'s>,
+        mut path: Path,
+        split: bool,
+        sample: &mut Sample,
+        context: &mut Context<'_>,
+    ) {
+        let mut travelled = 0.0;
+        loop {
+            let mut visitor = Passage { eye: self, path: &mut path, split, sample, context, collision: None };
+            let stop = walk.advance(&mut visitor);
+            let collision = visitor.collision.take();
+            if path.weight.max_element() <= 0.0 {
+                return;
+            }
+            match stop {
+                Stop::Ended => {
+                    let Some((collision, medium)) = collision else { return };
+                    if !self.collide(&mut walk, &mut path, collision, medium, sample, context) {
+                        return;
+                    }
+                }
+                Stop::Surface(at) => {
+                    travelled += at.t;
+                    if path.first.is_none() && sample.depth.is_infinite() {
+                        sample.depth = travelled;
+                        sample.normal = at.shading_normal;
+                        sample.albedo = match at.reflection {
+                            Reflection::Lambert(lambert) => lambert.reflectance,
+                            Reflection::Mirror(mirror) => mirror.reflectance,
+                            Reflection::Dielectric(..) => Rgb::ONE,
+                        };
+                    }
+                    if !self.reflect(&mut walk, &mut path, &at, sample, context) {
+                        return;
+                    }
+                }
+                Stop::Escaped => {
+                    self.escape(walk.ray.direction, &path, sample);
+                    return;
+                }
+            }
+            if path.events >= SAFETY_STOP {
+                context.tally.stopped += 1;
+                return;
+            }
+        }
+    }
+
+    /// Scatters at a surface. Returns whether the path goes on.
+    fn reflect(
+        &self,
+        walk: &mut Walk<'s>,
+        path: &mut Path,
+        at: &Interaction,
+        sample: &mut Sample,
+        context: &mut Context<'_>,
+    ) -> bool {
+        if !self.may_go_on(path.events) {
+            return false;
+        }
+        path.events += 1;
+        let diffuse = match at.reflection {
+            Reflection::Lambert(lambert) => Some(lambert),
+            _ => None,
+        };
+        path.first.get_or_insert(if diffuse.is_some() { First::Diffuse } else { First::Specular });
+        if let Some(lambert) = diffuse {
+            if lambert.reflectance.max_element() <= 0.0 {
+                return false;
+            }
+            self.light_surface(path, at, lambert.value(), sample, context);
+        }
+        let Some(direction) = at.scatter(Side::Eye, &mut path.weight, context.stream) else { return false };
+        path.previous = match diffuse {
+            Some(lambert) => {
+                Previous::Surface { point: at.point, density: lambert.density(at.shading_normal, direction) }
+            }
+            None => Previous::Specular,
+        };
+        walk.leave(at, direction);
+        // With photons the weight fades along the way; a path that matters little is not worth its queries.
+        let largest = path.weight.max_element();
+        if matches!(self.mode, Mode::Gather(_)) && largest < FAINT {
+            return survive(&mut path.weight, Rgb::splat(largest / FAINT), context.stream);
+        }
+        true
+    }
+
+    /// Light straight from a light, reflected by a diffuse surface.
+    fn light_surface(&self, path: &Path, at: &Interaction, value: Rgb, sample: &mut Sample, context: &mut Context<'_>) {
+        let Some((index, choice)) = self.scene.choose_light(at.point, context.stream) else { return };
+        let light = &self.scene.lights[index as usize];
+        let Some(arrival) = light.arrive(&self.scene.geometry, at.point, context.stream) else { return };
+        let cos = at.shading_normal.dot(arrival.direction);
+        if cos <= 0.0 || at.normal.dot(arrival.direction) <= 0.0 {
+            return;
+        }
+        let density = choice * arrival.density;
+        let share = if arrival.has_size { density / (density + cos / PI) } else { 1.0 };
+        let mut weight = path.weight * value * arrival.radiance * (cos * share / density);
+        let (ray, inside) = at.departure(arrival.direction);
+        transmit(self.scene, ray, &inside, arrival.distance, &mut weight, context.stream);
+        sample.radiance[path.component(true) as usize] += weight;
+    }
+
+    /// Scatters at a collision in a medium. Returns whether the path goes on.
+    fn collide(
+        &self,
+        walk: &mut Walk<'s>,
+        path: &mut Path,
+        mut collision: Collision,
+        medium: u32,
+        sample: &mut Sample,
+        context: &mut Context<'_>,
+    ) -> bool {
+        if !self.may_go_on(path.events) {
+            return false;
+        }
+        path.events += 1;
+        path.first.get_or_insert(First::Medium);
+        let medium = &self.scene.media[medium as usize];
+        self.light_medium(path, &collision, &walk.inside, medium, sample, context);
+        if !survive(&mut path.weight, medium.albedo, context.stream) {
+            return false;
+        }
+        let (direction, density) = medium.phase.sample(walk.ray.direction, context.stream);
+        walk.turn(collision.t, direction);
+        collision.phase_density = density;
+        path.previous = Previous::Medium(collision);
+        true
+    }
+
+    /// Light straight from a light, scattered at a collision.
+    fn light_medium(
+        &self,
+        path: &Path,
+        collision: &Collision,
+        inside: &Inside,
+        medium: &Medium,
+        sample: &mut Sample,
+        context: &mut Context<'_>,
+    ) {
+        let point = collision.point;
+        let Some((index, choice)) = self.scene.choose_light(point, context.stream) else { return };
+        let light = &self.scene.lights[index as usize];
+        let Some(arrival) = light.arrive(&self.scene.geometry, point, context.stream) else { return };
+        let phase = medium.phase.between(collision.stretch.ray.direction, arrival.direction);
+        let asked = choice * arrival.density;
+        let by_chance = if arrival.has_size { phase } else { 0.0 };
+        let other = equiangular::density(self.scene, &collision.stretch, collision.t, index, &arrival);
+        let share = asked / (asked + by_chance + other / collision.flight_density);
+        let mut weight = path.weight * medium.albedo * arrival.radiance * (phase * share / asked);
+        transmit(
+            self.scene,
+            Ray::new(point, arrival.direction),
+            inside,
+            arrival.distance,
+            &mut weight,
+            context.stream,
+        );
+        sample.radiance[path.component(true) as usize] += weight;
+    }
+
+    /// Light from infinity, met by chance.
+    fn escape(&self, direction: DVec3, path: &Path, sample: &mut Sample) {
+        let component = path.component(true) as usize;
+        for (index, light) in self.scene.lights.iter().enumerate() {
+            let radiance = light.escaping(direction);
+            if radiance.max_element() <= 0.0 {
+                continue;
+            }
+            let asked = |point| self.scene.light_choice(index as u32, point) * light.escaping_density(direction);
+            let share = match &path.previous {
+                Previous::Specular => 1.0,
+                Previous::Surface { point, density } => density / (density + asked(*point)),
+                Previous::Medium(at) => at.phase_density / (at.phase_density + asked(at.point)),
+            };
+            sample.radiance[component] += path.weight * radiance * share;
+        }
+    }
+
+    /// The share of light that is met by chance, on a shape that shines.
+    fn share_by_chance(&self, path: &Path, crossing: &Crossing<'_>) -> f64 {
+        let direction = crossing.ray.direction;
+        match &path.previous {
+            Previous::Specular => 1.0,
+            Previous::Surface { point, density } => {
+                density / (density + light_density(self.scene, crossing, *point, direction))
+            }
+            Previous::Medium(at) => {
+                let asked = light_density(self.scene, crossing, at.point, direction);
+                let other = equiangular::density_of_crossing(self.scene, &at.stretch, at.t, crossing);
+                at.phase_density / (at.phase_density + asked + other / at.flight_density)
+            }
+        }
+    }
+}
+
+/// What a path does on its way to the next surface.
+struct Passage<'p, 'c, 's> {
+    eye: &'p Eye<'s>,
+    path: &'p mut Path,
+    split: bool,
+    sample: &'p mut Sample,
+    context: &'p mut Context<'c>,
+    collision: Option<(Collision, u32)>,
+}
+
+impl Visitor for Passage<'_, '_, '_> {
+    fn segment(&mut self, segment: &Segment<'_>) -> ControlFlow<()> {
+        let scene = self.eye.scene;
+        let medium = &scene.media[segment.medium as usize];
+        if let Mode::Gather(maps) = self.eye.mode {
+            self.gather(maps, segment, medium);
+            return ControlFlow::Continue(());
+        }
+        let stretch = Stretch::new(segment, medium, self.path.weight);
+        if medium.scatters() && self.eye.may_go_on(self.path.events) {
+            self.scatter_once(segment, &stretch, medium);
+        }
+        if self.split {
+            self.split(segment, stretch, medium);
+            return ControlFlow::Continue(());
+        }
+        self.track(segment, stretch, medium)
+    }
+
+    fn crossing(&mut self, crossing: &Crossing<'_>) {
+        let Light::Area(area) = &self.eye.scene.lights[crossing.light as usize] else { return };
+        let radiance = area.radiance(crossing.hit.normal, -crossing.ray.direction);
+        if radiance.max_element() > 0.0 {
+            let share = self.eye.share_by_chance(self.path, crossing);
+            self.sample.radiance[self.path.component(true) as usize] += self.path.weight * radiance * share;
+        }
+    }
+}
+
+impl Passage<'_, '_, '_> {
+    fn add(&mut self, straight_from_light: bool, radiance: Rgb) {
+        self.sample.radiance[self.path.component(straight_from_light) as usize] += radiance;
+    }
+
+    fn gather(&mut self, maps: &VolumeMaps, segment: &Segment<'_>, medium: &Medium) {
+        let scene = self.eye.scene;
+        let range = (segment.a, segment.b);
+        let glow = gather::emitted(medium, segment.ray, range, || self.context.stream.uniform());
+        self.add(false, self.path.weight * glow);
+        // A photon's events, this scattering and those on the eye's side.
+        let most = scene.render.max_depth as u64;
+        let allowed = most.checked_sub(self.path.events + 1);
+        let max_events = if most == 0 { u8::MAX } else { allowed.map_or(0, |events| events.min(255) as u8) };
+        let region = scene.region(segment.inside);
+        let gathers = most == 0 || allowed.is_some();
+        let (gathered, passed) =
+            maps.gather((segment.medium, medium), region, segment.ray, range, max_events, self.context.scratch);
+        if gathers {
+            let (total, single) = gathered.rgb();
+            let (first, second) = match self.path.first {
+                None => (Component::VolumeSingle, Component::VolumeMultiple),
+                Some(First::Specular) => (Component::Specular, Component::Specular),
+                Some(_) => (Component::Indirect, Component::Indirect),
+            };
+            self.sample.radiance[first as usize] += self.path.weight * single;
+            self.sample.radiance[second as usize] += self.path.weight * (total - single);
+        }
+        self.path.weight *= passed;
+    }
+
+    /// A collision by chance.
+    fn track(&mut self, segment: &Segment<'_>, stretch: Stretch, medium: &Medium) -> ControlFlow<()> {
+        let range = (segment.a, segment.b);
+        if matches!(medium.emission, Emission::Uniform(_)) {
+            let glow = gather::emitted(medium, segment.ray, range, || 0.0);
+            self.add(false, self.path.weight * glow);
+        }
+        let component = self.path.component(false) as usize;
+        let glows = matches!(medium.emission, Emission::BlackBody { .. });
+        let Context { stream, tally, .. } = &mut *self.context;
+        let radiance = &mut self.sample.radiance[component];
+        let collision = transport::fly(medium, segment.ray, range, &mut self.path.weight, stream, tally, |t, weight| {
+            if glows {
+                *radiance += weight * medium.emitted(segment.ray.at(t));
+            }
+        });
+        let Some(t) = collision else { return ControlFlow::Continue(()) };
+        let point = segment.ray.at(t);
+        let flight_density = stretch.flight_density(medium, t);
+        self.collision =
+            Some((Collision { point, stretch, t, flight_density, phase_density: 0.0 }, segment.medium));
+        ControlFlow::Break(())
+    }
+
+    /// One part collides and is followed to its end; the other goes on.
+    fn split(&mut self, segment: &Segment<'_>, mut stretch: Stretch, medium: &Medium) {
+        let glow = gather::emitted(medium, segment.ray, (segment.a, segment.b), || self.context.stream.uniform());
+        self.add(false, self.path.weight * glow);
+        let weight = self.path.weight;
+        let forced = transport::force(medium, segment.ray, (segment.a, segment.b), weight, self.context.stream);
+        self.path.weight *= forced.passed;
+        let Some((t, weight)) = forced.collision else { return };
+        stretch.chance = forced.chance;
+        let eye = self.eye;
+        let mut walk = Walk::new(eye.scene, *segment.ray, segment.inside.clone());
+        let mut path = Path { weight, ..self.path.clone() };
+        let flight_density = stretch.flight_density(medium, t);
+        let collision =
+            Collision { point: segment.ray.at(t), stretch, t, flight_density, phase_density: 0.0 };
+        if eye.collide(&mut walk, &mut path, collision, segment.medium, self.sample, self.context) {
+            eye.follow(walk, path, false, self.sample, self.context);
+        }
+    }
+
+    /// Light straight from a light, scattered where an equiangular draw says: finds what collisions by
+    /// chance find badly, close to small lights and in thin media.
+    fn scatter_once(&mut self, segment: &Segment<'_>, stretch: &Stretch, medium: &Medium) {
+        let scene = self.eye.scene;
+        let Some(draw) = equiangular::draw(scene, stretch, self.context.stream) else { return };
+        let point = segment.ray.at(draw.t);
+        let density = medium.density.at(point);
+        if density <= 0.0 {
+            return;
+        }
+        let phase = medium.phase.between(segment.ray.direction, draw.arrival.direction);
+        let by_flight = if self.split {
+            let depth = medium.density.depth(segment.ray, segment.a, segment.b);
+            let mut split = stretch.clone();
+            split.chance = (shares(stretch.weight) * (Rgb::ONE - medium.transmittance(depth))).element_sum();
+            split.flight_density(medium, draw.t)
+        } else {
+            stretch.flight_density(medium, draw.t)
+        };
+        let asked = scene.light_choice(draw.light, point) * draw.arrival.density;
+        let by_chance = if draw.arrival.has_size { phase } else { 0.0 };
+        let share = draw.density / (draw.density + by_flight * (asked + by_chance));
+        let scattering = medium.extinction * medium.albedo * density;
+        let mut weight = self.path.weight * scattering * draw.arrival.radiance * (phase * share / draw.density);
+        transport::pass(medium, segment.ray, (segment.a, draw.t), &mut weight, self.context.stream);
+        if weight.max_element() <= 0.0 {
+            return;
+        }
+        let towards = Ray::new(point, draw.arrival.direction);
+        transmit(scene, towards, segment.inside, draw.arrival.distance, &mut weight, self.context.stream);
+        let mut once = self.path.clone();
+        once.events += 1;
+        once.first.get_or_insert(First::Medium);
+        self.sample.radiance[once.component(true) as usize] += weight;
+    }
+}
