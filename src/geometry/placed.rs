@@ -108,7 +108,8 @@ impl Placed {
         &self.to_local
     }
 
-    pub(super) fn bounds(&self) -> Bounds {
+    /// The box around it in the world.
+    pub fn bounds(&self) -> Bounds {
         self.bounds
     }
 
@@ -124,7 +125,8 @@ impl Placed {
         }
     }
 
-    pub(super) fn is_closed(&self) -> bool {
+    /// Whether it has an inside.
+    pub fn is_closed(&self) -> bool {
         match &self.shape {
             Shape::Sphere(_) | Shape::Cuboid(_) => true,
             Shape::Quad(_) | Shape::Disk(_) => false,

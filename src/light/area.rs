@@ -71,7 +71,8 @@ impl Area {
         }
     }
 
-    pub(super) fn power(&self) -> Rgb {
+    /// W per channel.
+    pub fn power(&self) -> Rgb {
         match self.profile {
             Profile::Diffuse(radiance) => radiance * (PI * self.area * self.sides.count()),
             Profile::Spot(intensity, cone) => intensity * cone.solid_angle(),

@@ -55,6 +55,10 @@ impl Environment {
         })
     }
 
+    pub(super) fn dim(&mut self, factor: Rgb) {
+        self.scale *= factor;
+    }
+
     /// What is seen along `direction`.
     pub(super) fn radiance(&self, direction: DVec3) -> Rgb {
         match &self.map {

@@ -12,6 +12,7 @@ mod spot;
 
 pub use area::{Area, Profile, Sides};
 pub use directional::Directional;
+pub(crate) use directional::cone_radiance;
 pub use environment::Environment;
 pub use point::Point;
 pub use spot::{Cone, Spot};
@@ -141,6 +142,26 @@ impl Light {
             Light::Environment(_) => true,
             Light::Directional(light) => light.beam.is_none(),
             _ => false,
+        }
+    }
+
+    /// Multiplies what a light at infinity sends, channel by channel.
+    pub fn dim(&mut self, factor: Rgb) {
+        match self {
+            Light::Environment(light) => light.dim(factor),
+            Light::Directional(light) => light.irradiance *= factor,
+            Light::Point(_) | Light::Spot(_) | Light::Area(_) => {}
+        }
+    }
+
+    /// What a scene file calls its kind.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Light::Point(_) => "point",
+            Light::Spot(_) => "spot",
+            Light::Directional(_) => "directional",
+            Light::Environment(_) => "environment",
+            Light::Area(_) => "emission",
         }
     }
 

@@ -1,9 +1,13 @@
 //! Volume photons: how they are stored, how wide they are spread, and the hierarchy over them.
 
 pub(crate) mod discs;
+mod emission;
 pub mod kernel;
 pub(crate) mod map;
 mod radii;
 pub(crate) mod simd;
+mod trace;
 
+pub use emission::Sources;
+pub use trace::{Pass, Traced, trace};
 pub use map::{MapSettings, Photon, PhotonMap, Plane, Radii, Radius};

@@ -5,11 +5,13 @@
 
 pub mod description;
 mod overrides;
+mod build;
 mod read;
 mod scene;
 mod table;
 mod tree;
 
+pub use build::build;
 pub use description::{Description, Located, Place};
 pub use scene::{Inside, Scene, Solid, Surface};
 pub use read::{parse, read};

@@ -1,0 +1,280 @@
+//! The photon pass: photons leave the lights, walk, and are stored at every collision in a medium that
+//! scatters.
+
+use std::ops::ControlFlow;
+
+use rayon::prelude::*;
+
+use super::Photon;
+use super::emission::Sources;
+use crate::math::random::Purpose;
+use crate::math::{Rgb, Stream};
+use crate::scene::Scene;
+use crate::transport::{self, Crossing, Segment, Side, Stop, Tally, Visitor, Walk, survive};
+
+/// What a photon pass should do.
+#[derive(Clone, Copy, Debug)]
+pub struct Pass {
+    /// The user's seed.
+    pub seed: u64,
+    /// The number of the pass: each draws photons of its own.
+    pub index: u64,
+    /// About how many photons the map should hold.
+    pub target: u64,
+    /// At most this many are emitted.
+    pub max_emitted: u64,
+}
+
+/// What a photon pass found.
+#[derive(Debug, Default)]
+pub struct Traced {
+    /// The photons by region, powers divided by the number of emitted photons, times the albedo.
+    pub regions: Vec<Vec<Photon>>,
+    /// Photons emitted.
+    pub emitted: u64,
+    /// Whether first collisions were forced.
+    pub forced: bool,
+    /// Counts.
+    pub tally: Tally,
+}
+
+impl Traced {
+    /// Photons stored.
+    pub fn stored(&self) -> u64 {
+        self.regions.iter().map(|photons| photons.len() as u64).sum()
+    }
+}
+
+/// Never fewer photons than this are emitted.
+const FEWEST: u64 = 10_000;
+/// Emissions of the pilot that tells the yield.
+const PILOT: u64 = 4096;
+/// Emissions that one task traces.
+const CHUNK: u64 = 1024;
+/// Where fewer emissions than this share collide, first collisions are forced.
+const RARE: f64 = 0.01;
+/// A map expected to hold more than this many times its target thins itself.
+const CROWDED: f64 = 1.5;
+/// Photons still on their way after so many events are dropped and counted.
+const SAFETY_STOP: u64 = 1_000_000_000;
+
+/// Traces photons. `advance` is told as emissions are done, of [`Pass`]'s number once it is known; `stop` ends
+/// the pass early, its result then worthless.
+pub fn trace(scene: &Scene, pass: &Pass, progress: &(impl Fn(u64, u64) + Sync), stop: &(impl Fn() -> bool + Sync)) -> Traced {
+    let sources = Sources::new(scene);
+    let mut tracer = Tracer { scene, sources, forced: false, keep: 1.0 };
+    let empty = || Traced { regions: vec![Vec::new(); scene.regions as usize], ..Traced::default() };
+    if tracer.sources.is_empty() || !scene.media.iter().any(|medium| medium.scatters()) {
+        return empty();
+    }
+
+    // How many to emit is settled beforehand: a count that depends on the photons themselves is biased.
+    let pilot = |tracer: &Tracer| {
+        let chunks = tracer.run(pass, Purpose::Pilot, PILOT, &|_, _| {}, stop);
+        let collided: u64 = chunks.iter().map(|chunk| chunk.collided).sum();
+        let stored: usize = chunks.iter().map(|chunk| chunk.photons.len()).sum();
+        (collided as f64 / PILOT as f64, stored as f64 / PILOT as f64)
+    };
+    let (mut collided, mut share) = pilot(&tracer);
+    if collided < RARE {
+        tracer.forced = true;
+        (collided, share) = pilot(&tracer);
+    }
+    if collided == 0.0 || stop() {
+        return Traced { emitted: PILOT, forced: tracer.forced, ..empty() };
+    }
+    let wanted = (pass.target as f64 / share).ceil().max(1.0) as u64;
+    let emitted = wanted.max(FEWEST).min(pass.max_emitted);
+    let expected = emitted as f64 * share;
+    if expected > CROWDED * pass.target as f64 {
+        tracer.keep = pass.target as f64 / expected;
+    }
+
+    let chunks = tracer.run(pass, Purpose::Photon, emitted, progress, stop);
+    let mut traced = Traced { emitted, forced: tracer.forced, ..empty() };
+    for region in 0..scene.regions as usize {
+        let count = chunks.iter().map(|chunk| chunk.photons.iter().filter(|p| p.0 as usize == region).count()).sum();
+        traced.regions[region].reserve_exact(count);
+    }
+    let scale = 1.0 / emitted as f64;
+    for chunk in chunks {
+        traced.tally = traced.tally.merge(chunk.tally);
+        for (region, mut photon) in chunk.photons {
+            photon.power *= scale as f32;
+            traced.regions[region as usize].push(photon);
+        }
+    }
+    traced
+}
+
+struct Tracer<'s> {
+    scene: &'s Scene,
+    sources: Sources<'s>,
+    forced: bool,
+    /// The share of photons that are kept.
+    keep: f64,
+}
+
+#[derive(Default)]
+struct Chunk {
+    photons: Vec<(u32, Photon)>,
+    collided: u64,
+    tally: Tally,
+}
+
+impl Tracer<'_> {
+    fn run(
+        &self,
+        pass: &Pass,
+        purpose: Purpose,
+        emitted: u64,
+        progress: &(impl Fn(u64, u64) + Sync),
+        stop: &(impl Fn() -> bool + Sync),
+    ) -> Vec<Chunk> {
+        (0..emitted.div_ceil(CHUNK))
+            .into_par_iter()
+            .map(|index| {
+                let mut chunk = Chunk::default();
+                if stop() {
+                    return chunk;
+                }
+                let range = index * CHUNK..((index + 1) * CHUNK).min(emitted);
+                let count = range.end - range.start;
+                for photon in range {
+                    let mut stream = Stream::new(pass.seed, purpose, photon, pass.index);
+                    self.emit(&mut stream, &mut chunk);
+                }
+                chunk.photons.shrink_to_fit();
+                progress(count, emitted);
+                chunk
+            })
+            .collect()
+    }
+
+    fn emit(&self, stream: &mut Stream, chunk: &mut Chunk) {
+        let Some(start) = self.sources.start(stream) else { return };
+        if !start.power.is_finite() {
+            chunk.tally.broken += 1;
+            return;
+        }
+        let mut flight = Flight { tracer: self, chunk, stream, collided: false };
+        flight.follow(Walk::new(self.scene, start.ray, start.inside), start.power, 0, self.forced);
+        if flight.collided {
+            chunk.collided += 1;
+        }
+    }
+}
+
+/// One photon, or the part of one.
+struct Flight<'f, 's> {
+    tracer: &'f Tracer<'s>,
+    chunk: &'f mut Chunk,
+    stream: &'f mut Stream,
+    collided: bool,
+}
+
+impl<'s> Flight<'_, 's> {
+    fn follow(&mut self, mut walk: Walk<'s>, mut weight: Rgb, mut events: u64, forced: bool) {
+        loop {
+            let mut passage = Passage { flight: self, weight, events, forced, collision: None };
+            let stop = walk.advance(&mut passage);
+            weight = passage.weight;
+            let collision = passage.collision;
+            if weight.max_element() <= 0.0 {
+                return;
+            }
+            match stop {
+                Stop::Ended => {
+                    let Some((t, medium)) = collision else { return };
+                    if !self.collide(&mut walk, &mut weight, events, t, medium) {
+                        return;
+                    }
+                }
+                Stop::Surface(at) => {
+                    let Some(direction) = at.scatter(Side::Light, &mut weight, self.stream) else { return };
+                    walk.leave(&at, direction);
+                }
+                Stop::Escaped => return,
+            }
+            events += 1;
+            if events >= SAFETY_STOP {
+                self.chunk.tally.stopped += 1;
+                return;
+            }
+            // One more collision and the eye's own scattering must still be allowed.
+            if !self.may_store(events) {
+                return;
+            }
+        }
+    }
+
+    /// Whether a photon of so many events may still scatter towards the eye.
+    fn may_store(&self, events: u64) -> bool {
+        let most = self.tracer.scene.render.max_depth as u64;
+        most == 0 || events < most
+    }
+
+    /// Stores the photon and scatters it. Returns whether it goes on.
+    fn collide(&mut self, walk: &mut Walk<'s>, weight: &mut Rgb, events: u64, t: f64, medium: u32) -> bool {
+        let scene = self.tracer.scene;
+        let medium = &scene.media[medium as usize];
+        self.collided = true;
+        let power = *weight * medium.albedo;
+        let keep = self.tracer.keep;
+        if power.max_element() > 0.0 && (keep >= 1.0 || self.stream.uniform() < keep) {
+            let photon = Photon {
+                position: walk.ray.at(t).as_vec3(),
+                direction: walk.ray.direction.as_vec3(),
+                power: (power / keep).as_vec3(),
+                events: events.min(255) as u8,
+            };
+            self.chunk.photons.push((scene.region(&walk.inside), photon));
+        }
+        if !survive(weight, medium.albedo, self.stream) {
+            return false;
+        }
+        let (direction, _) = medium.phase.sample(walk.ray.direction, self.stream);
+        walk.turn(t, direction);
+        true
+    }
+}
+
+/// What a photon does on its way to the next surface.
+struct Passage<'p, 'f, 's> {
+    flight: &'p mut Flight<'f, 's>,
+    weight: Rgb,
+    events: u64,
+    forced: bool,
+    collision: Option<(f64, u32)>,
+}
+
+impl Visitor for Passage<'_, '_, '_> {
+    fn segment(&mut self, segment: &Segment<'_>) -> ControlFlow<()> {
+        let scene = self.flight.tracer.scene;
+        let medium = &scene.media[segment.medium as usize];
+        let range = (segment.a, segment.b);
+        if self.forced {
+            let forced = transport::force(medium, segment.ray, range, self.weight, self.flight.stream);
+            self.weight *= forced.passed;
+            if let Some((t, mut weight)) = forced.collision {
+                let mut walk = Walk::new(scene, *segment.ray, segment.inside.clone());
+                if self.flight.collide(&mut walk, &mut weight, self.events, t, segment.medium)
+                    && self.flight.may_store(self.events + 1)
+                {
+                    self.flight.follow(walk, weight, self.events + 1, false);
+                }
+            }
+            return ControlFlow::Continue(());
+        }
+        let Flight { stream, chunk, .. } = &mut *self.flight;
+        match transport::fly(medium, segment.ray, range, &mut self.weight, stream, &mut chunk.tally, |_, _| {}) {
+            Some(t) => {
+                self.collision = Some((t, segment.medium));
+                ControlFlow::Break(())
+            }
+            None => ControlFlow::Continue(()),
+        }
+    }
+
+    fn crossing(&mut self, _: &Crossing<'_>) {}
+}

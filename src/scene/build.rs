@@ -1,0 +1,655 @@
+//! From what a scene file says to what the renderer needs: files loaded, instances placed, media carried
+//! along, and everything moved so that the scene's middle is the origin.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::description::{self as said, Description, LightKind, Located, MaterialKind, ShapeKind, Strength};
+use super::scene::{Scene, Solid, Surface};
+use crate::geometry::{Cuboid, Cylinder, Disk, Geometry, Mesh, Placed, Quad, Shape, Sphere};
+use crate::image;
+use crate::light::{self, Area, Cone, Directional, Environment, Light, Point, Profile, Sides, Spot, Surroundings};
+use crate::math::{Bounds, DAffine3, DVec3, Rgb};
+use crate::medium::black_body::BlackBody;
+use crate::medium::density::bricks::{BrickGrid, Interpolation, NegativePolicy};
+use crate::medium::density::{Density, Exponential, Grid, npy, vdb};
+use crate::medium::phase::{HenyeyGreenstein, Isotropic, Mixture, Phase, Rayleigh, Schlick};
+use crate::medium::{Emission, Medium};
+use crate::surface::{Dielectric, Lambert, Material, Mirror};
+use crate::{Error, Result};
+
+/// Loads and builds a scene.
+///
+/// # Errors
+/// [`Error::Scene`], with its place, for files that cannot be used, for solids whose mesh is not closed, and
+/// for scenes without a steady state.
+pub fn build(description: &Description) -> Result<Scene> {
+    let mut builder = Builder::new(description);
+    builder.place_shapes()?;
+    builder.place_lights()?;
+    builder.finish()
+}
+
+/// What a placed shape will be.
+struct Part {
+    placed: Placed,
+    surface: Surface,
+    /// If it is a solid: medium, index of refraction, priority.
+    solid: Option<(Option<u32>, Option<Rgb>, i32)>,
+    /// If it shines: how much and where it was said.
+    emission: Option<Shine>,
+    label: String,
+}
+
+enum Shine {
+    Radiance(Rgb, Sides),
+    Power(Rgb, Sides),
+    Disc(Profile),
+}
+
+struct Builder<'d> {
+    description: &'d Description,
+    /// Moves the scene's middle to the origin.
+    center: DVec3,
+    meshes: HashMap<(PathBuf, bool), Arc<Mesh>>,
+    voxels: HashMap<(PathBuf, String), Arc<BrickGrid>>,
+    /// Base media in the file's coordinates, by index in the description.
+    loaded: HashMap<usize, Medium>,
+    /// Media by index in the description and the instance that carries them.
+    media: Vec<Medium>,
+    carried: HashMap<(usize, Option<usize>), u32>,
+    parts: Vec<Part>,
+    lights: Vec<Light>,
+    warnings: Vec<String>,
+}
+
+impl<'d> Builder<'d> {
+    fn new(description: &'d Description) -> Self {
+        Builder {
+            description,
+            center: DVec3::ZERO,
+            meshes: HashMap::new(),
+            voxels: HashMap::new(),
+            loaded: HashMap::new(),
+            media: Vec::new(),
+            carried: HashMap::new(),
+            parts: Vec::new(),
+            lights: Vec::new(),
+            warnings: description.warnings.clone(),
+        }
+    }
+
+    /// The transform from the file's coordinates to the scene's.
+    fn moved(&self) -> DAffine3 {
+        DAffine3::from_translation(-self.center)
+    }
+
+    // Shapes.
+
+    fn place_shapes(&mut self) -> Result<()> {
+        let description = self.description;
+        let shapes: Vec<(usize, Shape, DAffine3, Option<usize>)> = description
+            .shapes
+            .iter()
+            .enumerate()
+            .filter(|(_, shape)| shape.visible)
+            .map(|(index, shape)| {
+                let (template, transform, instance) = match shape.kind {
+                    ShapeKind::Instance { of } => {
+                        let template = &description.shapes[of];
+                        (template, shape.transform * template.transform, Some(index))
+                    }
+                    _ => (shape, shape.transform, None),
+                };
+                Ok((index, self.shape(template)?, transform, instance))
+            })
+            .collect::<Result<_>>()?;
+
+        // The middle of all surfaces and of the camera.
+        let camera = &description.camera;
+        let mut bounds = Bounds::of_points([camera.position]);
+        for (index, shape, transform, _) in &shapes {
+            let place = &description.shapes[*index].place;
+            let placed = Placed::new(shape.clone(), *transform).map_err(|error| place.error(error))?;
+            bounds = bounds.union(placed.bounds());
+        }
+        self.center = bounds.center();
+
+        for (index, shape, transform, instance) in shapes {
+            let said = &description.shapes[index];
+            let placed = Placed::new(shape, self.moved() * transform).map_err(|error| said.place.error(error))?;
+            let material = material(&description.materials[said.material.value].kind);
+            let medium = match &said.interior {
+                Some(interior) => Some(self.medium(interior.value, instance)?),
+                None => None,
+            };
+            let index_of_refraction = material.index();
+            let is_solid = medium.is_some() || index_of_refraction.is_some();
+            if is_solid && !placed.is_closed() {
+                let why = if medium.is_some() { "an interior" } else { "a dielectric material" };
+                return Err(said.place.error(format!(
+                    "this shape has {why}, but is not closed, so nothing is inside: every edge of a solid's mesh must be shared by two triangles wound alike"
+                )));
+            }
+            let emission = said.emission.as_ref().map(|emission| {
+                let sides = match emission.side {
+                    said::Side::Out => Sides::Out,
+                    said::Side::In => Sides::In,
+                    said::Side::Both => Sides::Both,
+                };
+                match emission.strength {
+                    Strength::Radiance(radiance) => Shine::Radiance(radiance, sides),
+                    Strength::Power(power) => Shine::Power(power, sides),
+                }
+            });
+            self.parts.push(Part {
+                placed,
+                surface: Surface { material, solid: None, light: None },
+                solid: is_solid.then_some((medium, index_of_refraction, said.priority)),
+                emission,
+                label: said.name.clone().unwrap_or_else(|| said.place.key().to_string()),
+            });
+        }
+        Ok(())
+    }
+
+    fn shape(&mut self, shape: &said::Shape) -> Result<Shape> {
+        let made = match &shape.kind {
+            ShapeKind::Sphere { center, radius } => Sphere::new(*center, *radius).map(Shape::Sphere),
+            ShapeKind::Box { min, max } => Cuboid::new(*min, *max).map(Shape::Cuboid),
+            ShapeKind::Quad { origin, edge_u, edge_v } => Quad::new(*origin, *edge_u, *edge_v).map(Shape::Quad),
+            ShapeKind::Disk { center, normal, radius } => Disk::new(*center, *normal, *radius).map(Shape::Disk),
+            ShapeKind::Cylinder { base, top, radius, caps } => {
+                Cylinder::new(*base, *top, *radius, *caps).map(Shape::Cylinder)
+            }
+            ShapeKind::Mesh { file, smooth } => self.mesh(file, *smooth).map(Shape::Mesh),
+            ShapeKind::Instance { .. } => Err(shape.place.error("an instance of an instance")),
+        };
+        made.map_err(|error| match error {
+            Error::Scene(_) => error,
+            other => shape.place.error(other),
+        })
+    }
+
+    fn mesh(&mut self, file: &Located<PathBuf>, smooth: bool) -> Result<Arc<Mesh>> {
+        let key = (file.value.clone(), smooth);
+        if let Some(mesh) = self.meshes.get(&key) {
+            return Ok(mesh.clone());
+        }
+        let mesh = Arc::new(Mesh::load(&file.value, smooth).map_err(|error| file.place.error(error))?);
+        self.meshes.insert(key, mesh.clone());
+        Ok(mesh)
+    }
+
+    // Media.
+
+    /// The medium at `index` of the description, carried along by an instance: an index into `media`.
+    fn medium(&mut self, index: usize, instance: Option<usize>) -> Result<u32> {
+        // What does not depend on the place is not carried.
+        let uniform = matches!(self.description.media[index].density, said::Density::Constant { .. });
+        let key = (index, if uniform { None } else { instance });
+        if let Some(&medium) = self.carried.get(&key) {
+            return Ok(medium);
+        }
+        if !self.loaded.contains_key(&index) {
+            let medium = self.load_medium(&self.description.media[index])?;
+            self.loaded.insert(index, medium);
+        }
+        let mut medium = self.loaded[&index].clone();
+        let carry = match key.1 {
+            Some(instance) => self.moved() * self.description.shapes[instance].transform,
+            None => self.moved(),
+        };
+        match &mut medium.density {
+            Density::Uniform => {}
+            Density::Exponential(air) => {
+                // h = (x − origin)·up with x taken back to the file's coordinates.
+                let back = carry.inverse();
+                air.origin = carry.transform_point3(air.origin);
+                air.up = back.matrix3.transpose() * air.up;
+            }
+            Density::Grid(grid) => *grid = grid.moved(carry),
+        }
+        if let Emission::BlackBody { temperature, .. } = &mut medium.emission {
+            **temperature = temperature.moved(carry);
+        }
+        let id = self.media.len() as u32;
+        self.media.push(medium);
+        self.carried.insert(key, id);
+        Ok(id)
+    }
+
+    fn load_medium(&mut self, said: &said::Medium) -> Result<Medium> {
+        let mut extinction = said.sigma_t();
+        let density = match &said.density {
+            said::Density::Constant { value } => {
+                extinction *= *value;
+                Density::Uniform
+            }
+            said::Density::Exponential { origin, up, scale_height, value } => Density::Exponential(Exponential {
+                origin: *origin,
+                up: *up,
+                scale_height: *scale_height,
+                value: *value,
+            }),
+            said::Density::Array { file, min, max } => Density::Grid(self.array(file, *min, *max)?),
+            said::Density::Vdb { file, grid, transform, interpolation, negative } => {
+                let interpolation = match interpolation {
+                    said::Interpolation::Trilinear => Interpolation::Trilinear,
+                    said::Interpolation::Nearest => Interpolation::Nearest,
+                };
+                let negative = match negative {
+                    said::Negative::Error => NegativePolicy::Error,
+                    said::Negative::Zero => NegativePolicy::Zero,
+                };
+                Density::Grid(self.vdb(file, grid.as_ref(), *transform, interpolation, negative)?)
+            }
+        };
+        let emission = match (&said.emission, &said.density) {
+            (None, _) => Emission::None,
+            (Some(said::MediumEmission::Constant { radiance }), _) => Emission::Uniform(*radiance),
+            (
+                Some(said::MediumEmission::BlackBody { temperature, kelvin_scale, scale }),
+                said::Density::Vdb { file, transform, .. },
+            ) => {
+                let grid =
+                    self.vdb(file, Some(temperature), *transform, Interpolation::Trilinear, NegativePolicy::Zero)?;
+                Emission::BlackBody {
+                    temperature: Box::new(grid),
+                    kelvin_scale: *kelvin_scale,
+                    scale: *scale,
+                    table: BlackBody::default(),
+                }
+            }
+            (Some(said::MediumEmission::BlackBody { temperature, .. }), _) => {
+                return Err(temperature.place.error("a grid of temperatures needs a density of type \"vdb\""));
+            }
+        };
+        let medium = Medium {
+            name: said.name.clone(),
+            extinction,
+            albedo: said.albedo(),
+            phase: phase(&said.phase),
+            density,
+            emission,
+        };
+        if said.sigma_t().max_element() > 0.0 && medium.density.max() <= 0.0 {
+            self.warnings.push(format!("{}: the density is 0 everywhere: the medium is vacuum", said.place));
+        }
+        Ok(medium)
+    }
+
+    fn vdb(
+        &mut self,
+        file: &Located<PathBuf>,
+        name: Option<&Located<String>>,
+        transform: DAffine3,
+        interpolation: Interpolation,
+        negative: NegativePolicy,
+    ) -> Result<Grid> {
+        let fail = |error: Error| name.map_or(&file.place, |name| &name.place).error(error);
+        let source = vdb::File::open(&file.value).map_err(|error| file.place.error(error))?;
+        let index = match name {
+            Some(name) => source.find(&name.value).map_err(fail)?,
+            None if source.grids().len() == 1 => 0,
+            None => source.find("density").map_err(fail)?,
+        };
+        let to_world = source.grids()[index].index_to_world.clone();
+        let to_world = to_world.map_err(|message| fail(Error::asset(&file.value, message)))?;
+        let key = (file.value.clone(), format!("{index} {interpolation:?} {negative:?}"));
+        let voxels = match self.voxels.get(&key) {
+            Some(voxels) => voxels.clone(),
+            None => {
+                let grid = source.read_at(index).map_err(fail)?;
+                let voxels = BrickGrid::from_vdb(&grid, negative).map_err(fail)?.with_interpolation(interpolation);
+                let voxels = Arc::new(voxels);
+                self.voxels.insert(key, voxels.clone());
+                voxels
+            }
+        };
+        let place = transform * to_world;
+        if !place.is_finite() || place.matrix3.determinant() == 0.0 {
+            return Err(file.place.error("the grid's transform cannot be inverted"));
+        }
+        Ok(Grid::new(voxels, place))
+    }
+
+    fn array(&mut self, file: &Located<PathBuf>, min: DVec3, max: DVec3) -> Result<Grid> {
+        let array = npy::read(&file.value).map_err(|error| file.place.error(error))?;
+        let [nx, ny, nz] = array.dims;
+        // Clamped to the outer samples inside the box: one more layer of them all around.
+        let mut values = Vec::with_capacity((nx + 2) * (ny + 2) * (nz + 2));
+        for k in 0..nz + 2 {
+            for j in 0..ny + 2 {
+                let inner = |i: usize, n: usize| i.clamp(1, n) - 1;
+                let row = (inner(k, nz) * ny + inner(j, ny)) * nx;
+                values.extend((0..nx + 2).map(|i| array.values[row + inner(i, nx)]));
+            }
+        }
+        let voxels = BrickGrid::from_dense([-1; 3], [nx + 2, ny + 2, nz + 2], &values, 0.0, NegativePolicy::Error)
+            .map_err(|error| file.place.error(error))?;
+        let counts = DVec3::new(nx as f64, ny as f64, nz as f64);
+        let cell = (max - min) / counts;
+        let to_world = DAffine3::from_translation(min + 0.5 * cell) * DAffine3::from_scale(cell);
+        let clip = Bounds { min: DVec3::splat(-0.5), max: counts - 0.5 };
+        Ok(Grid::new(Arc::new(voxels), to_world).clipped(clip))
+    }
+
+    // Lights.
+
+    fn place_lights(&mut self) -> Result<()> {
+        let description = self.description;
+        for said in &description.lights {
+            let black = Material::Lambert(Lambert { reflectance: Rgb::ZERO });
+            let label = said.name.clone().unwrap_or_else(|| said.place.key().to_string());
+            let fail = |error: Error| said.place.error(error);
+            match &said.kind {
+                LightKind::Point { position, intensity, radius } => {
+                    if intensity.max_element() <= 0.0 {
+                        continue;
+                    }
+                    let position = *position - self.center;
+                    if *radius > 0.0 {
+                        let sphere = Sphere::new(position, *radius).map_err(fail)?;
+                        let power = Shine::Power(4.0 * std::f64::consts::PI * *intensity, Sides::Out);
+                        self.lamp(Shape::Sphere(sphere), black, power, label).map_err(fail)?;
+                    } else {
+                        self.lights.push(Light::Point(Point { position, intensity: *intensity }));
+                    }
+                }
+                LightKind::Spot { position, direction, intensity, inner_angle, outer_angle, radius } => {
+                    if intensity.max_element() <= 0.0 {
+                        continue;
+                    }
+                    let position = *position - self.center;
+                    let cone = Cone::new(*direction, inner_angle.to_radians(), outer_angle.to_radians());
+                    if *radius > 0.0 {
+                        let disc = Disk::new(position, *direction, *radius).map_err(fail)?;
+                        let shine = Shine::Disc(Profile::Spot(*intensity, cone));
+                        self.lamp(Shape::Disk(disc), Material::None, shine, label).map_err(fail)?;
+                    } else {
+                        self.lights.push(Light::Spot(Spot { position, intensity: *intensity, cone }));
+                    }
+                }
+                LightKind::Directional { direction, irradiance, angle, beam } => {
+                    if irradiance.max_element() <= 0.0 {
+                        continue;
+                    }
+                    let half = 0.5 * angle.to_radians();
+                    let cone = Cone::new(*direction, half, half);
+                    match beam {
+                        Some(beam) if *angle > 0.0 => {
+                            let center = beam.center - self.center;
+                            let disc = Disk::new(center, *direction, beam.radius).map_err(fail)?;
+                            let radiance = light::cone_radiance(*irradiance, cone.outer);
+                            let shine = Shine::Disc(Profile::Beam(radiance, cone));
+                            self.lamp(Shape::Disk(disc), Material::None, shine, label).map_err(fail)?;
+                        }
+                        _ => self.lights.push(Light::Directional(Directional {
+                            direction: *direction,
+                            irradiance: *irradiance,
+                            cone: cone.outer,
+                            beam: beam.map(|beam| (beam.center - self.center, beam.radius)),
+                        })),
+                    }
+                }
+                LightKind::Environment { source, scale, rotate } => {
+                    if scale.max_element() <= 0.0 {
+                        continue;
+                    }
+                    let light = match source {
+                        said::EnvironmentSource::Constant(radiance) => {
+                            let radiance = *radiance * *scale;
+                            (radiance.max_element() > 0.0).then(|| Environment::constant(radiance))
+                        }
+                        said::EnvironmentSource::Image(file) => {
+                            let image = read_environment(&file.value).map_err(|error| file.place.error(error))?;
+                            let light = Environment::image(image, *scale, rotate.to_radians());
+                            if light.is_none() {
+                                self.warnings.push(format!("{}: the image is black: no light", file.place));
+                            }
+                            light
+                        }
+                    };
+                    self.lights.extend(light.map(Light::Environment));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn lamp(&mut self, shape: Shape, material: Material, shine: Shine, label: String) -> Result<()> {
+        let placed = Placed::new(shape, DAffine3::IDENTITY)?;
+        let surface = Surface { material, solid: None, light: None };
+        self.parts.push(Part { placed, surface, solid: None, emission: Some(shine), label });
+        Ok(())
+    }
+
+    // The scene.
+
+    fn finish(mut self) -> Result<Scene> {
+        let description = self.description;
+        let world = match &description.world.medium {
+            Some(medium) => Some(self.medium(medium.value, None)?),
+            None => None,
+        };
+
+        let mut camera = description.camera.clone();
+        camera.position -= self.center;
+        camera.target -= self.center;
+
+        // Precedence: by priority, then by order in the file.
+        let mut order: Vec<usize> = (0..self.parts.len()).filter(|&i| self.parts[i].solid.is_some()).collect();
+        order.sort_by_key(|&i| self.parts[i].solid.as_ref().map(|solid| solid.2));
+        let mut solids = Vec::with_capacity(order.len());
+        for part in order {
+            if let Some((medium, index, _)) = self.parts[part].solid {
+                self.parts[part].surface.solid = Some(solids.len() as u32);
+                solids.push(Solid { shape: part as u32, medium, index, region: 0 });
+            }
+        }
+
+        let labels: Vec<String> = self.parts.iter().map(|part| part.label.clone()).collect();
+        let shines: Vec<Option<Shine>> = self.parts.iter_mut().map(|part| part.emission.take()).collect();
+        let mut surfaces: Vec<Surface> = self.parts.iter().map(|part| part.surface).collect();
+        let geometry = Geometry::new(self.parts.into_iter().map(|part| part.placed).collect());
+        for (id, shine) in shines.into_iter().enumerate() {
+            let (area, bounds) = (geometry.area(id as u32), geometry.bounds(id as u32));
+            let (profile, sides) = match shine {
+                None => continue,
+                Some(Shine::Radiance(radiance, sides)) => (Profile::Diffuse(radiance), sides),
+                Some(Shine::Power(power, sides)) => {
+                    (Profile::Diffuse(power / (std::f64::consts::PI * area * sides.count())), sides)
+                }
+                Some(Shine::Disc(profile)) => (profile, Sides::Out),
+            };
+            let light = Area { shape: id as u32, profile, sides, area, bounds };
+            if light.power().max_element() > 0.0 {
+                surfaces[id].light = Some(self.lights.len() as u32);
+                self.lights.push(Light::Area(light));
+            }
+        }
+
+        let mut scene = Scene {
+            film: description.film.clone(),
+            camera,
+            render: description.render.clone(),
+            photons: description.photons.clone(),
+            volume: description.volume.clone(),
+            geometry,
+            surfaces,
+            solids,
+            world,
+            world_region: 0,
+            regions: 1,
+            media: self.media,
+            lights: self.lights,
+            surroundings: Surroundings { center: DVec3::ZERO, radius: 0.0 },
+            center: self.center,
+            warnings: self.warnings,
+        };
+        join_regions(&mut scene);
+        scene.surroundings = surroundings(&scene);
+        darken_infinity(&mut scene);
+        warn(&mut scene, &labels);
+        Ok(scene)
+    }
+}
+
+fn read_environment(path: &Path) -> Result<image::Image> {
+    let picture = image::read(path)?;
+    match picture.image.pixels.iter().position(|p| p.iter().any(|c| !c.is_finite() || *c < 0.0)) {
+        None => Ok(picture.image),
+        Some(at) => {
+            let (x, y) = (at % picture.image.width, at / picture.image.width);
+            let value = picture.image.pixels[at];
+            Err(Error::asset(path, format!("pixel ({x}, {y}) is {value:?}; radiance must be finite and not negative")))
+        }
+    }
+}
+
+fn material(kind: &MaterialKind) -> Material {
+    match kind {
+        MaterialKind::Lambert { reflectance } => Material::Lambert(Lambert { reflectance: *reflectance }),
+        MaterialKind::Mirror { reflectance } => Material::Mirror(Mirror { reflectance: *reflectance }),
+        MaterialKind::Dielectric { ior } => Material::Dielectric(Dielectric { index: *ior }),
+        MaterialKind::None => Material::None,
+    }
+}
+
+fn phase(said: &said::Phase) -> Phase {
+    match said {
+        said::Phase::Isotropic => Phase::Isotropic(Isotropic),
+        said::Phase::HenyeyGreenstein { g } => Phase::HenyeyGreenstein(HenyeyGreenstein { g: *g }),
+        said::Phase::Schlick { k } => Phase::Schlick(Schlick { k: *k }),
+        said::Phase::Rayleigh => Phase::Rayleigh(Rayleigh),
+        said::Phase::Mixture(lobes) => {
+            Phase::Mixture(Mixture::new(lobes.iter().map(|(weight, lobe)| (*weight, phase(lobe))).collect()))
+        }
+    }
+}
+
+/// Numbers the regions: solids with the same medium and index that touch share one, as does the world.
+fn join_regions(scene: &mut Scene) {
+    let count = scene.solids.len();
+    // Union–find over solids and, last, the world.
+    let mut parent: Vec<usize> = (0..=count).collect();
+    fn root(parent: &mut [usize], mut i: usize) -> usize {
+        while parent[i] != i {
+            parent[i] = parent[parent[i]];
+            i = parent[i];
+        }
+        i
+    }
+    let margin = 1e-9 * scene.geometry.all_bounds().diagonal();
+    let boxes: Vec<Bounds> = scene.solids.iter().map(|solid| scene.geometry.bounds(solid.shape).grown(margin)).collect();
+    let index = |solid: &Solid| solid.index.unwrap_or(Rgb::ONE);
+    for i in 0..count {
+        if scene.solids[i].medium == scene.world && index(&scene.solids[i]) == Rgb::ONE {
+            let (a, b) = (root(&mut parent, i), root(&mut parent, count));
+            parent[a.min(b)] = a.max(b);
+        }
+        for j in 0..i {
+            let (one, other) = (&scene.solids[i], &scene.solids[j]);
+            let same = one.medium == other.medium && index(one) == index(other);
+            if same && boxes[i].overlaps(&boxes[j]) {
+                let (a, b) = (root(&mut parent, i), root(&mut parent, j));
+                parent[a.min(b)] = a.max(b);
+            }
+        }
+    }
+    let mut numbers = HashMap::new();
+    let mut number = |root: usize| {
+        let next = numbers.len() as u32;
+        *numbers.entry(root).or_insert(next)
+    };
+    scene.world_region = number(root(&mut parent, count));
+    for i in 0..count {
+        scene.solids[i].region = number(root(&mut parent, i));
+    }
+    scene.regions = numbers.len() as u32;
+}
+
+/// A sphere around all surfaces, lights, the camera and bounded media. Where an atmosphere fills the world,
+/// it reaches some mean free paths farther, for light that enters from the side.
+fn surroundings(scene: &Scene) -> Surroundings {
+    let mut bounds = scene.bounds();
+    let mut margin = 0.0;
+    if let Some(world) = scene.world {
+        let medium = &scene.media[world as usize];
+        let support = medium.density.support();
+        if support.size().is_finite() {
+            bounds = bounds.union(support);
+        } else if let Density::Exponential(air) = &medium.density {
+            let extinction = medium.extinction.element_sum() / 3.0 * air.value;
+            if extinction > 0.0 {
+                margin = FREE_PATHS / extinction;
+            }
+        }
+    }
+    let radius = 0.5 * bounds.diagonal() * (1.0 + 1e-6) + margin;
+    Surroundings { center: bounds.center(), radius: if radius > 0.0 { radius } else { 1.0 } }
+}
+
+/// How many mean free paths of an atmosphere around the scene light from infinity is traced through.
+const FREE_PATHS: f64 = 8.0;
+
+/// Light from infinity does not survive a world medium that does not thin out.
+fn darken_infinity(scene: &mut Scene) {
+    let Some(world) = scene.world else { return };
+    let medium = &scene.media[world as usize];
+    let endless = match &medium.density {
+        Density::Uniform => true,
+        Density::Exponential(_) => false,
+        Density::Grid(grid) => grid.voxels().background() > 0.0 && !grid.support().size().is_finite(),
+    };
+    if !endless || medium.extinction.max_element() <= 0.0 {
+        return;
+    }
+    let passes = medium.extinction.map(|sigma| if sigma > 0.0 { 0.0 } else { 1.0 });
+    let mut darkened = false;
+    scene.lights.retain_mut(|light| {
+        if !light.is_infinite() {
+            return true;
+        }
+        darkened = true;
+        light.dim(passes);
+        passes.max_element() > 0.0
+    });
+    if darkened {
+        // Lights have moved: surfaces find theirs again.
+        for (index, light) in scene.lights.iter().enumerate() {
+            if let Light::Area(area) = light {
+                scene.surfaces[area.shape as usize].light = Some(index as u32);
+            }
+        }
+        scene.warnings.push(format!(
+            "light from infinity does not reach the scene through the world's medium {:?}, which does not thin out: it is black",
+            scene.media[world as usize].name
+        ));
+    }
+}
+
+/// What is allowed but probably not meant.
+fn warn(scene: &mut Scene, labels: &[String]) {
+    let glows = scene.media.iter().any(Medium::glows);
+    if scene.lights.is_empty() && !glows {
+        scene.warnings.push("nothing shines in this scene: the image will be black".to_string());
+    }
+    let refracting: Vec<&str> = scene
+        .solids
+        .iter()
+        .filter(|solid| solid.index.is_some_and(|index| index != Rgb::ONE))
+        .map(|solid| labels[solid.shape as usize].as_str())
+        .collect();
+    let mirrors = scene.surfaces.iter().any(|surface| matches!(surface.material, Material::Mirror(_)));
+    let sizeless: Vec<&str> = scene.lights.iter().filter(|light| !light.has_size()).map(Light::kind).collect();
+    if scene.render.method == said::Method::Path && !sizeless.is_empty() && (mirrors || !refracting.is_empty()) {
+        let behind = if refracting.is_empty() { "mirrors".to_string() } else { refracting.join(", ") };
+        scene.warnings.push(format!(
+            "the path tracer cannot see lights of no size ({}) by way of {behind}: give them a radius or an angle",
+            sizeless.join(", ")
+        ));
+    }
+}
