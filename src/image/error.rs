@@ -190,17 +190,22 @@ fn choose(path: &Path, picture: Picture, layer: Option<&str>) -> Result<(Image, 
     }
 }
 
+/// `value` with six decimals, or in powers of ten where those would hide it.
+fn shown(value: f64) -> String {
+    if value == 0.0 || (1e-2..1e6).contains(&value.abs()) { format!("{value:.6}") } else { format!("{value:.5e}") }
+}
+
 impl fmt::Display for Figures {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let triple = |[r, g, b]: [f64; 3]| format!("{r:.6} {g:.6} {b:.6}");
+        let triple = |[r, g, b]: [f64; 3]| [r, g, b].map(shown).join(" ");
         let black = "undefined: the reference's mean is 0";
         writeln!(f, "size       {} × {}", self.width, self.height)?;
         writeln!(f, "mean       {}", triple(self.mean))?;
         writeln!(f, "reference  {}", triple(self.reference_mean))?;
         let subtracted = if self.variance_subtracted { "  (reference's own variance subtracted)" } else { "" };
-        writeln!(f, "RMSE       {:.6}{subtracted}", self.rmse)?;
+        writeln!(f, "RMSE       {}{subtracted}", shown(self.rmse))?;
         match self.rel_mse {
-            Some(value) => writeln!(f, "relMSE     {value:.6}{subtracted}")?,
+            Some(value) => writeln!(f, "relMSE     {}{subtracted}", shown(value))?,
             None => writeln!(f, "relMSE     {black}")?,
         }
         match self.bias {
@@ -208,7 +213,7 @@ impl fmt::Display for Figures {
             None => writeln!(f, "bias       {black}")?,
         }
         if let Some(value) = self.flip {
-            writeln!(f, "FLIP       {value:.6}")?;
+            writeln!(f, "FLIP       {}", shown(value))?;
         }
         for (whose, found) in [("image", self.non_finite), ("reference", self.reference_non_finite)] {
             if let Some(NonFinite { count, first: [x, y] }) = found {

@@ -13,7 +13,7 @@ mod png;
 mod tone;
 mod write;
 
-use std::io::Read;
+use std::fs;
 use std::path::Path;
 
 pub use error::{DiffOptions, Figures, NonFinite, compare, diff};
@@ -255,18 +255,13 @@ pub fn read(path: impl AsRef<Path>) -> Result<Picture> {
     decode(&bytes).map_err(|message| Error::asset(path, message))
 }
 
-/// The contents of the file `path`, which must be a regular one: a device would never end.
+/// The contents of the file `path`, which must be a plain one: a device or a pipe may never end.
 fn read_bytes(path: &Path) -> Result<Vec<u8>> {
     let fail = |error: std::io::Error| Error::asset(path, format!("cannot read the image: {error}"));
-    let mut file = std::fs::File::open(path).map_err(fail)?;
-    let metadata = file.metadata().map_err(fail)?;
-    if !metadata.is_file() {
+    if !fs::metadata(path).map_err(fail)?.is_file() {
         return Err(Error::asset(path, "cannot read the image: this is not a file"));
     }
-    let mut bytes = Vec::new();
-    bytes.try_reserve_exact(metadata.len() as usize).map_err(|error| fail(error.into()))?;
-    file.read_to_end(&mut bytes).map_err(fail)?;
-    Ok(bytes)
+    fs::read(path).map_err(fail)
 }
 
 /// The picture in the bytes of a file, or what is wrong with them.
@@ -471,7 +466,7 @@ mod tests {
         let file = |ending: &str| {
             let path = folder.path().join(format!("a.{ending}"));
             write(&path, &image, &ToneSettings::default()).unwrap();
-            std::fs::read(path).unwrap()
+            fs::read(path).unwrap()
         };
         let mut exr = file("exr");
         let at = exr.windows(19).position(|w| w == b"dataWindow\0box2i\0\x10\0").unwrap() + 21;
@@ -493,7 +488,7 @@ mod tests {
         for ending in ["exr", "png", "pfm", "hdr"] {
             let path = folder.path().join(format!("a.{ending}"));
             write(&path, &full_picture(), &ToneSettings::default()).unwrap();
-            files.push(std::fs::read(path).unwrap());
+            files.push(fs::read(path).unwrap());
         }
         use raw::Compression::{B44, PIZ, PXR24, RLE};
         for (compression, blocks) in [
@@ -552,9 +547,9 @@ mod tests {
         let mut short = picture.clone();
         short.layers[0].channels = LayerData::Scalar(vec![0.0; 3]);
         assert!(matches!(write(at("a.exr"), &short, &tone), Err(Error::Output { .. })));
-        assert!(std::fs::read_dir(folder.path()).unwrap().next().is_none(), "a failed write left something behind");
+        assert!(fs::read_dir(folder.path()).unwrap().next().is_none(), "a failed write left something behind");
 
-        std::fs::write(at("text.exr"), "no image").unwrap();
+        fs::write(at("text.exr"), "no image").unwrap();
         for name in ["absent.png", "text.exr", "."] {
             assert!(matches!(read(at(name)), Err(Error::Asset { .. })), "{name}");
         }
