@@ -166,8 +166,8 @@ fn normalised(kernel: Vec<f64>) -> Vec<f32> {
     kernel.iter().map(|&weight| (weight / if weight < 0.0 { -negative } else { positive }) as f32).collect()
 }
 
-/// `plane` convolved by `along_x` and then `along_y`, kernels of odd length; beyond its borders the plane continues with
-/// the values there.
+/// `plane` convolved by `along_x` and then `along_y`, kernels of odd length; beyond its borders the
+/// plane continues with the values there.
 fn convolve(plane: &[f32], width: usize, along_x: &[f32], along_y: &[f32]) -> Vec<f32> {
     let height = plane.len() / width;
     let mut rows = vec![0.0; plane.len()];

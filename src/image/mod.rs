@@ -1,7 +1,7 @@
 //! Pictures: as data, as files, and how far one is from another.
 //!
 //! An [`Image`] holds linear sRGB radiance, row 0 on top. A [`Picture`] is an image with named
-//! [`Layer`]s and attributes, as an EXR file carries them. [`write`] and [`read`] go by file,
+//! [`Layer`]s and attributes, as an EXR file carries them. [`write()`] and [`read`] go by file,
 //! [`tone_map`] makes 8-bit pictures of radiance, [`compare`] and [`diff`] give error figures.
 
 mod error;
