@@ -190,17 +190,22 @@ fn choose(path: &Path, picture: Picture, layer: Option<&str>) -> Result<(Image, 
     }
 }
 
+/// `value` with six decimals, or in powers of ten where those would hide it.
+fn shown(value: f64) -> String {
+    if value == 0.0 || (1e-2..1e6).contains(&value.abs()) { format!("{value:.6}") } else { format!("{value:.5e}") }
+}
+
 impl fmt::Display for Figures {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let triple = |[r, g, b]: [f64; 3]| format!("{r:.6} {g:.6} {b:.6}");
+        let triple = |[r, g, b]: [f64; 3]| [r, g, b].map(shown).join(" ");
         let black = "undefined: the reference's mean is 0";
         writeln!(f, "size       {} × {}", self.width, self.height)?;
         writeln!(f, "mean       {}", triple(self.mean))?;
         writeln!(f, "reference  {}", triple(self.reference_mean))?;
         let subtracted = if self.variance_subtracted { "  (reference's own variance subtracted)" } else { "" };
-        writeln!(f, "RMSE       {:.6}{subtracted}", self.rmse)?;
+        writeln!(f, "RMSE       {}{subtracted}", shown(self.rmse))?;
         match self.rel_mse {
-            Some(value) => writeln!(f, "relMSE     {value:.6}{subtracted}")?,
+            Some(value) => writeln!(f, "relMSE     {}{subtracted}", shown(value))?,
             None => writeln!(f, "relMSE     {black}")?,
         }
         match self.bias {
@@ -208,7 +213,7 @@ impl fmt::Display for Figures {
             None => writeln!(f, "bias       {black}")?,
         }
         if let Some(value) = self.flip {
-            writeln!(f, "FLIP       {value:.6}")?;
+            writeln!(f, "FLIP       {}", shown(value))?;
         }
         for (whose, found) in [("image", self.non_finite), ("reference", self.reference_non_finite)] {
             if let Some(NonFinite { count, first: [x, y] }) = found {
@@ -216,5 +221,95 @@ impl fmt::Display for Figures {
             }
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::{Layer, LayerData, write};
+    use crate::math::Stream;
+    use crate::math::random::Purpose;
+
+    #[test]
+    fn figures_follow_their_definitions() {
+        let reference = Image { width: 2, height: 1, pixels: vec![[1.0, 2.0, 3.0], [0.0, 2.0, 4.0]] };
+        let image = Image { width: 2, height: 1, pixels: vec![[1.5, 2.0, 3.0], [0.0, 1.0, 4.0]] };
+        let figures = compare(&image, &reference, None).unwrap();
+        assert_eq!((figures.mean, figures.reference_mean), ([0.75, 1.5, 3.5], [0.5, 2.0, 3.5]));
+        assert!((figures.rmse - (1.25f64 / 6.0).sqrt()).abs() < 1e-12);
+        // mean(R) = 2, so the denominators are 1.04 and 4.04.
+        let expected = (0.25 / 1.04 + 1.0 / 4.04) / 6.0;
+        assert!((figures.rel_mse.unwrap() - expected).abs() < 1e-12);
+        assert!((figures.bias.unwrap() - (-0.5 / 6.0) / 2.0).abs() < 1e-12);
+
+        let same = compare(&reference, &reference, None).unwrap();
+        assert_eq!((same.rmse, same.rel_mse, same.bias, same.flip), (0.0, Some(0.0), Some(0.0), Some(0.0)));
+        let black = Image::new(2, 1);
+        let dark = compare(&image, &black, None).unwrap();
+        assert_eq!((dark.rel_mse, dark.bias), (None, None));
+        assert!(matches!(compare(&image, &Image::new(1, 2), None), Err(Error::Usage(_))));
+    }
+
+    #[test]
+    fn noise_of_the_reference_is_not_held_against_the_image() {
+        let mut random = Stream::new(5, Purpose::Test, 0, 0);
+        // Uniform noise of the given standard deviation about 1.
+        let mut noisy = |deviation: f64| {
+            Image::from_fn(96, 96, |_, _| {
+                [0; 3].map(|_| (1.0 + deviation * 12f64.sqrt() * (random.uniform() - 0.5)) as f32)
+            })
+        };
+        let (image, reference) = (noisy(0.2), noisy(0.3));
+        let error = Image { width: 96, height: 96, pixels: vec![[0.3; 3]; 96 * 96] };
+        let figures = compare(&image, &reference, Some(&error)).unwrap();
+        // Squares of the difference spread by at most √2 times their mean, 0.13.
+        let bound = 3.0 * 2f64.sqrt() * 0.13 / (3.0 * 96.0 * 96.0f64).sqrt();
+        assert!(figures.variance_subtracted && (figures.rmse.powi(2) - 0.04).abs() < bound, "{}", figures.rmse);
+        assert!((compare(&image, &reference, None).unwrap().rmse.powi(2) - 0.13).abs() < bound);
+    }
+
+    #[test]
+    fn pixels_that_are_not_finite_are_left_out_and_reported() {
+        let reference = Image::from_fn(4, 4, |_, _| [1.0; 3]);
+        let mut image = Image::from_fn(4, 4, |_, _| [1.5; 3]);
+        image.pixels[6] = [1.0, f32::NAN, 1.0];
+        image.pixels[9] = [f32::INFINITY, 1.0, 1.0];
+        let figures = compare(&image, &reference, None).unwrap();
+        assert_eq!(figures.non_finite, Some(NonFinite { count: 2, first: [2, 1] }));
+        assert_eq!((figures.reference_non_finite, figures.rmse), (None, 0.5));
+        assert!(figures.to_string().contains("column 2, row 1"));
+        let nothing = Image::from_fn(4, 4, |_, _| [f32::NAN; 3]);
+        assert!(matches!(compare(&nothing, &reference, None), Err(Error::Usage(_))));
+    }
+
+    #[test]
+    fn files_and_their_layers_are_compared() {
+        let folder = tempfile::tempdir().unwrap();
+        let save = |name: &str, level: f32| {
+            let plane = |value: f32| LayerData::Rgb(vec![[value; 3]; 64]);
+            let layers = vec![
+                Layer { name: "direct".into(), channels: plane(0.5 * level) },
+                Layer { name: "standard_error".into(), channels: plane(0.25) },
+                Layer { name: "depth".into(), channels: LayerData::Scalar(vec![level; 64]) },
+            ];
+            let path = folder.path().join(name);
+            let image = Image::from_fn(8, 8, |_, _| [level; 3]);
+            write(&path, &Picture { image, layers, attributes: Vec::new() }, &ToneSettings::default()).unwrap();
+            path
+        };
+        let (image, reference) = (save("a.exr", 1.5), save("b.exr", 1.0));
+        let layer = |name: &str| DiffOptions { layer: Some(name.into()), standard_error: None };
+
+        let whole = diff(&image, &reference, &DiffOptions::default()).unwrap();
+        assert!((whole.rmse - (0.25f64 - 0.0625).sqrt()).abs() < 1e-7 && whole.variance_subtracted);
+        let direct = diff(&image, &reference, &layer("direct")).unwrap();
+        assert!((direct.rmse - 0.25).abs() < 1e-7 && !direct.variance_subtracted && direct.flip.is_some());
+        assert_eq!(diff(&image, &reference, &layer("depth")).unwrap().flip, None);
+        let error = diff(&image, &reference, &layer("caustic")).unwrap_err().to_string();
+        assert!(error.contains("a.exr") && error.contains("it has depth, direct, standard_error"), "{error}");
+
+        let json = serde_json::to_value(&whole).unwrap();
+        assert_eq!((&json["width"], &json["bias"]), (&8.into(), &0.5.into()));
     }
 }

@@ -5,8 +5,8 @@ use std::io::{self, Cursor, Seek, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use ::exr::prelude::{
-    AnyChannel, AnyChannels, AttributeValue, Compression, Encoding, FlatSamples, MetaData, ReadChannels, ReadLayers,
-    SmallVec, Text, Vec2, WritableImage,
+    AnyChannel, AnyChannels, AttributeValue, Blocks, Compression, Encoding, FlatSamples, LineOrder, MetaData,
+    ReadChannels, ReadLayers, SmallVec, Text, Vec2, WritableImage,
 };
 
 use super::{Attribute, DEFLATE, Image, Layer, LayerData, Picture, check_size};
@@ -50,7 +50,8 @@ pub(super) fn encode(picture: &Picture, out: &mut (impl Write + Seek)) -> io::Re
         };
         attributes.other.insert(text(name), value);
     }
-    let encoding = Encoding { compression: Compression::ZIP16, ..Encoding::FAST_LOSSLESS };
+    let encoding =
+        Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
     let channels = AnyChannels { list: channels.into() };
     let layer = ::exr::prelude::Layer::new(Vec2(*width, *height), attributes, encoding, channels);
     ::exr::prelude::Image::from_layer(layer).write().to_buffered(out).map_err(|error| match error {

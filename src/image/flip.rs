@@ -166,8 +166,8 @@ fn normalised(kernel: Vec<f64>) -> Vec<f32> {
     kernel.iter().map(|&weight| (weight / if weight < 0.0 { -negative } else { positive }) as f32).collect()
 }
 
-/// `plane` convolved by `along_x` and then `along_y`, kernels of odd length; beyond its borders the plane continues with
-/// the values there.
+/// `plane` convolved by `along_x` and then `along_y`, kernels of odd length; beyond its borders the
+/// plane continues with the values there.
 fn convolve(plane: &[f32], width: usize, along_x: &[f32], along_y: &[f32]) -> Vec<f32> {
     let height = plane.len() / width;
     let mut rows = vec![0.0; plane.len()];
@@ -240,4 +240,60 @@ fn hunt_lab(colour: [f32; 3]) -> [f32; 3] {
 /// The HyAB distance, §4.1.3: city block in lightness, Euclidean in chroma.
 fn hyab(a: [f32; 3], b: [f32; 3]) -> f32 {
     (a[0] - b[0]).abs() + (a[1] - b[1]).hypot(a[2] - b[2])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WIDTH: usize = 80;
+
+    fn picture(value: impl Fn(usize, usize, usize) -> usize) -> Vec<[u8; 3]> {
+        (0..WIDTH * 60).map(|i| [0, 1, 2].map(|c| value(i % WIDTH, i / WIDTH, c) as u8)).collect()
+    }
+
+    /// A fixed scramble, so that the authors' implementation can be fed the same pictures.
+    fn hash(x: usize, y: usize, c: usize) -> usize {
+        let [x, y, c] = [x, y, c].map(|value| value as u32);
+        let mut h = x.wrapping_mul(0x9e37_79b1) ^ y.wrapping_mul(0x85eb_ca6b) ^ c.wrapping_mul(0xc2b2_ae35);
+        h = (h ^ (h >> 15)).wrapping_mul(0x2c1b_3c6d);
+        h = (h ^ (h >> 12)).wrapping_mul(0x297a_2d39);
+        (h ^ (h >> 15)) as usize
+    }
+
+    /// The expected means were computed by the authors' C++ implementation (nv-flip 0.1.2).
+    #[test]
+    fn means_agree_with_the_authors_implementation() {
+        let ramp = |x: usize, y: usize, c: usize| [3 * x, 4 * y, 255 - 3 * x][c];
+        let smooth = picture(ramp);
+        let noisy = picture(|x, y, c| (ramp(x, y, c) + hash(x, y, c) % 31).saturating_sub(15).min(255));
+        let sparks = picture(|x, y, c| if hash(x, y, 7).is_multiple_of(97) { 255 } else { ramp(x, y, c) });
+        let checks =
+            |shift: usize| picture(move |x, y, _| if ((x + shift) / 8 + y / 8).is_multiple_of(2) { 230 } else { 25 });
+        let pure = |channel: usize| picture(move |_, _, c| if c == channel { 255 } else { 0 });
+        for (name, reference, test, density, expected) in [
+            ("noise", &smooth, &noisy, DEFAULT_PIXELS_PER_DEGREE, 0.081_400_9),
+            ("noise, far", &smooth, &noisy, 30.0, 0.162_562_6),
+            ("sparks", &smooth, &sparks, DEFAULT_PIXELS_PER_DEGREE, 0.059_767_3),
+            ("shift", &checks(0), &checks(1), DEFAULT_PIXELS_PER_DEGREE, 0.283_179_5),
+            ("unlike", &checks(0), &smooth, DEFAULT_PIXELS_PER_DEGREE, 0.926_179_6),
+            ("green and blue", &pure(1), &pure(2), DEFAULT_PIXELS_PER_DEGREE, 1.0),
+            ("same", &noisy, &noisy, DEFAULT_PIXELS_PER_DEGREE, 0.0),
+        ] {
+            let flip = flip(reference, test, WIDTH, density).unwrap();
+            assert!((flip.mean - expected).abs() < 1e-4, "{name}: {} instead of {expected}", flip.mean);
+        }
+    }
+
+    #[test]
+    fn the_map_shows_where() {
+        let grey = picture(|_, _, _| 100);
+        let mut dotted = grey.clone();
+        dotted[20 * WIDTH + 30] = [255; 3];
+        let map = flip(&grey, &dotted, WIDTH, DEFAULT_PIXELS_PER_DEGREE).unwrap().map;
+        let worst = (0..map.len()).max_by(|&a, &b| map[a].total_cmp(&map[b])).unwrap();
+        assert_eq!((worst % WIDTH, worst / WIDTH), (30, 20));
+        assert_eq!((map[0], map[59 * WIDTH]), (0.0, 0.0));
+        assert!(flip(&grey, &dotted[1..], WIDTH, DEFAULT_PIXELS_PER_DEGREE).is_none());
+    }
 }

@@ -79,8 +79,8 @@ pub fn tone_map(image: &Image, settings: &ToneSettings) -> Vec<[u8; 3]> {
 /// The curve of [`ToneMap::Filmic`] for one channel, in [0, 1].
 fn filmic(value: f64) -> f64 {
     // The solution of f(0.18 s) = 0.18 for Narkowicz's f.
-    const SCALE: f64 = 0.723_166_8;
-    // f reaches 1 at 7.2429 and would go on to 1.03.
+    const SCALE: f64 = 0.723_171;
+    // f reaches 1 at 7.2417 and would go on to 1.03.
     let x = (SCALE * value).min(7.3);
     (x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14)).min(1.0)
 }
@@ -105,4 +105,67 @@ pub(super) fn linear_to_srgb(value: f64) -> f64 {
 /// The linear value of an sRGB one in [0, 1].
 pub(super) fn srgb_to_linear(value: f64) -> f64 {
     if value <= 0.040_45 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shown(pixel: [f32; 3], exposure: f64, curve: ToneMap) -> [u8; 3] {
+        let image = Image { width: 1, height: 1, pixels: vec![pixel] };
+        tone_map(&image, &ToneSettings { exposure: Some(exposure), curve })[0]
+    }
+
+    #[test]
+    fn mid_grey_stays_and_white_is_reached() {
+        // 0.18 is 0.4614 in sRGB.
+        for curve in [ToneMap::Linear, ToneMap::Filmic] {
+            assert_eq!(shown([0.18; 3], 0.0, curve), [118; 3]);
+            assert_eq!(shown([0.045; 3], 2.0, curve), [118; 3]);
+            assert_eq!(shown([f32::NAN, -1.0, 0.0], 0.0, curve), [0; 3]);
+            assert_eq!(shown([f32::INFINITY; 3], 0.0, curve), [255; 3]);
+        }
+        assert_eq!(shown([1.0; 3], 0.0, ToneMap::Linear), [255; 3]);
+        assert!(shown([9.0; 3], 0.0, ToneMap::Filmic)[0] >= 253);
+        assert_eq!(shown([10.1; 3], 0.0, ToneMap::Filmic), [255; 3]);
+        assert!((filmic(0.18) - 0.18).abs() < 1e-6);
+        let levels: Vec<f64> = (0..2000).map(|i| filmic(0.01 * f64::from(i))).collect();
+        assert!(levels.is_sorted() && levels[1999] == 1.0);
+    }
+
+    #[test]
+    fn the_filmic_curve_keeps_the_hue() {
+        for scale in [0.01, 0.3, 1.0, 4.0] {
+            let colour = [1.0, 0.35, 0.05].map(|value: f64| scale * value);
+            let [r, g, b] = filmic_colour(colour);
+            let place = |r: f64, g: f64, b: f64| (g - b) / (r - b);
+            assert!((place(r, g, b) - place(1.0, 0.35, 0.05)).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn the_chosen_exposure_ignores_fireflies_darkness_and_lamps() {
+        let base = Image::from_fn(100, 100, |x, y| [0.4 + 0.002 * ((x + y) % 100) as f32; 3]);
+        let plain = auto_exposure(&base);
+        assert!((plain - (0.18f64 / 0.5).log2()).abs() < 0.1, "{plain}");
+
+        let mut fireflies = base.clone();
+        fireflies.pixels.iter_mut().step_by(211).for_each(|pixel| *pixel = [1e7; 3]);
+        assert!((auto_exposure(&fireflies) - plain).abs() < 0.2);
+
+        let mut lamp = base.clone();
+        lamp.pixels[..200].fill([60.0; 3]);
+        assert!((auto_exposure(&lamp) - plain).abs() < 0.5);
+
+        // One pixel in fifty is lit; the rest is black, or all but black.
+        for night in [0.0, 1e-6] {
+            let mut dark = base.clone();
+            dark.pixels.iter_mut().enumerate().filter(|(i, _)| i % 49 != 0).for_each(|(_, p)| *p = [night; 3]);
+            assert!((auto_exposure(&dark) - plain).abs() < 0.5, "{night}");
+        }
+
+        for nothing in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+            assert_eq!(auto_exposure(&Image { width: 1, height: 1, pixels: vec![[nothing; 3]] }), 0.0);
+        }
+    }
 }

@@ -81,3 +81,43 @@ fn folder_of(path: &Path) -> PathBuf {
         _ => PathBuf::from("."),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failed_write_leaves_the_old_file_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("out.bin");
+        write_aside(&path, |file| file.write_all(b"old")).unwrap();
+        let error = write_aside(&path, |file| {
+            file.write_all(&[0; 1 << 20])?;
+            Err(io::ErrorKind::StorageFull.into())
+        });
+        assert!(matches!(error, Err(Error::Output { .. })));
+        assert_eq!(fs::read(&path).unwrap(), b"old");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+        write_aside(&path, |file| file.write_all(b"new")).unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"new");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn permissions_and_links_are_those_of_plain_files() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let mode = |name: &str| fs::metadata(at(name)).unwrap().permissions().mode() & 0o777;
+
+        File::create(at("plain")).unwrap();
+        write_aside(at("aside"), |file| file.write_all(b"1")).unwrap();
+        assert_eq!(mode("aside"), mode("plain"));
+
+        fs::set_permissions(at("aside"), fs::Permissions::from_mode(0o640)).unwrap();
+        std::os::unix::fs::symlink(at("aside"), at("link")).unwrap();
+        write_aside(at("link"), |file| file.write_all(b"2")).unwrap();
+        assert!(fs::symlink_metadata(at("link")).unwrap().is_symlink());
+        assert_eq!((fs::read(at("aside")).unwrap(), mode("aside")), (b"2".to_vec(), 0o640));
+    }
+}
