@@ -16,8 +16,10 @@ pub enum Purpose {
     Pilot = 3,
     /// Choices about a stored map.
     Map = 4,
+    /// What the samples of a pixel share.
+    Pixel = 5,
     /// Whatever a test draws.
-    Test = 5,
+    Test = 6,
 }
 
 /// A stream of uniform random numbers.

@@ -7,6 +7,7 @@ pub(crate) mod map;
 mod radii;
 pub(crate) mod simd;
 mod trace;
+pub mod walls;
 
 pub use emission::Sources;
 pub use trace::{Pass, Traced, trace};

@@ -3,6 +3,12 @@
 mod camera;
 mod equiangular;
 mod eye;
+mod film;
+mod pass;
+mod plan;
 
 pub use camera::Camera;
 pub use eye::{Component, Context, Eye, Mode, Sample};
+pub use film::{Film, Layers, Sums};
+pub use pass::{Progress, Rendering, Silent, Stats, render};
+pub use plan::Plan;

@@ -39,7 +39,6 @@ struct Part {
     solid: Option<(Option<u32>, Option<Rgb>, i32)>,
     /// If it shines: how much and where it was said.
     emission: Option<Shine>,
-    label: String,
 }
 
 enum Shine {
@@ -148,7 +147,6 @@ impl<'d> Builder<'d> {
                 surface: Surface { material, solid: None, light: None },
                 solid: is_solid.then_some((medium, index_of_refraction, said.priority)),
                 emission,
-                label: said.name.clone().unwrap_or_else(|| said.place.key().to_string()),
             });
         }
         Ok(())
@@ -342,7 +340,6 @@ impl<'d> Builder<'d> {
         let description = self.description;
         for said in &description.lights {
             let black = Material::Lambert(Lambert { reflectance: Rgb::ZERO });
-            let label = said.name.clone().unwrap_or_else(|| said.place.key().to_string());
             let fail = |error: Error| said.place.error(error);
             match &said.kind {
                 LightKind::Point { position, intensity, radius } => {
@@ -353,7 +350,7 @@ impl<'d> Builder<'d> {
                     if *radius > 0.0 {
                         let sphere = Sphere::new(position, *radius).map_err(fail)?;
                         let power = Shine::Power(4.0 * std::f64::consts::PI * *intensity, Sides::Out);
-                        self.lamp(Shape::Sphere(sphere), black, power, label).map_err(fail)?;
+                        self.lamp(Shape::Sphere(sphere), black, power).map_err(fail)?;
                     } else {
                         self.lights.push(Light::Point(Point { position, intensity: *intensity }));
                     }
@@ -367,7 +364,7 @@ impl<'d> Builder<'d> {
                     if *radius > 0.0 {
                         let disc = Disk::new(position, *direction, *radius).map_err(fail)?;
                         let shine = Shine::Disc(Profile::Spot(*intensity, cone));
-                        self.lamp(Shape::Disk(disc), Material::None, shine, label).map_err(fail)?;
+                        self.lamp(Shape::Disk(disc), Material::None, shine).map_err(fail)?;
                     } else {
                         self.lights.push(Light::Spot(Spot { position, intensity: *intensity, cone }));
                     }
@@ -384,7 +381,7 @@ impl<'d> Builder<'d> {
                             let disc = Disk::new(center, *direction, beam.radius).map_err(fail)?;
                             let radiance = light::cone_radiance(*irradiance, cone.outer);
                             let shine = Shine::Disc(Profile::Beam(radiance, cone));
-                            self.lamp(Shape::Disk(disc), Material::None, shine, label).map_err(fail)?;
+                            self.lamp(Shape::Disk(disc), Material::None, shine).map_err(fail)?;
                         }
                         _ => self.lights.push(Light::Directional(Directional {
                             direction: *direction,
@@ -419,10 +416,10 @@ impl<'d> Builder<'d> {
         Ok(())
     }
 
-    fn lamp(&mut self, shape: Shape, material: Material, shine: Shine, label: String) -> Result<()> {
+    fn lamp(&mut self, shape: Shape, material: Material, shine: Shine) -> Result<()> {
         let placed = Placed::new(shape, DAffine3::IDENTITY)?;
         let surface = Surface { material, solid: None, light: None };
-        self.parts.push(Part { placed, surface, solid: None, emission: Some(shine), label });
+        self.parts.push(Part { placed, surface, solid: None, emission: Some(shine) });
         Ok(())
     }
 
@@ -450,7 +447,6 @@ impl<'d> Builder<'d> {
             }
         }
 
-        let labels: Vec<String> = self.parts.iter().map(|part| part.label.clone()).collect();
         let shines: Vec<Option<Shine>> = self.parts.iter_mut().map(|part| part.emission.take()).collect();
         let mut surfaces: Vec<Surface> = self.parts.iter().map(|part| part.surface).collect();
         let geometry = Geometry::new(self.parts.into_iter().map(|part| part.placed).collect());
@@ -492,7 +488,6 @@ impl<'d> Builder<'d> {
         join_regions(&mut scene);
         scene.surroundings = surroundings(&scene);
         darken_infinity(&mut scene);
-        warn(&mut scene, &labels);
         Ok(scene)
     }
 }
@@ -624,32 +619,5 @@ fn darken_infinity(scene: &mut Scene) {
                 scene.surfaces[area.shape as usize].light = Some(index as u32);
             }
         }
-        scene.warnings.push(format!(
-            "light from infinity does not reach the scene through the world's medium {:?}, which does not thin out: it is black",
-            scene.media[world as usize].name
-        ));
-    }
-}
-
-/// What is allowed but probably not meant.
-fn warn(scene: &mut Scene, labels: &[String]) {
-    let glows = scene.media.iter().any(Medium::glows);
-    if scene.lights.is_empty() && !glows {
-        scene.warnings.push("nothing shines in this scene: the image will be black".to_string());
-    }
-    let refracting: Vec<&str> = scene
-        .solids
-        .iter()
-        .filter(|solid| solid.index.is_some_and(|index| index != Rgb::ONE))
-        .map(|solid| labels[solid.shape as usize].as_str())
-        .collect();
-    let mirrors = scene.surfaces.iter().any(|surface| matches!(surface.material, Material::Mirror(_)));
-    let sizeless: Vec<&str> = scene.lights.iter().filter(|light| !light.has_size()).map(Light::kind).collect();
-    if scene.render.method == said::Method::Path && !sizeless.is_empty() && (mirrors || !refracting.is_empty()) {
-        let behind = if refracting.is_empty() { "mirrors".to_string() } else { refracting.join(", ") };
-        scene.warnings.push(format!(
-            "the path tracer cannot see lights of no size ({}) by way of {behind}: give them a radius or an angle",
-            sizeless.join(", ")
-        ));
     }
 }

@@ -90,6 +90,13 @@ impl Inside {
         self.solids.contains(&solid)
     }
 
+    /// The same with `solid` added or left out.
+    pub fn with(&self, solid: u32, inside: bool) -> Self {
+        let mut changed = self.clone();
+        changed.set(solid, inside);
+        changed
+    }
+
     fn set(&mut self, solid: u32, inside: bool) {
         // Descending order; a set of a few.
         match self.solids.binary_search_by(|other| solid.cmp(other)) {

@@ -1,0 +1,293 @@
+//! The passes of a render: photons, maps, and samples through every pixel.
+
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::Instant;
+
+use rayon::prelude::*;
+
+use super::camera::Camera;
+use super::eye::{Context, Eye, Mode};
+use super::film::{Film, Layers, Sums};
+use super::plan::Plan;
+use crate::gather::{GatherStats, Scratch, VolumeMaps};
+use crate::math::Stream;
+use crate::math::random::Purpose;
+use crate::photon::{self, MapSettings, PhotonMap, Radii, walls};
+use crate::scene::Scene;
+use crate::scene::description::Method;
+use crate::transport::Tally;
+use crate::{Error, Result};
+
+/// Hears how far a render has come.
+pub trait Progress: Sync {
+    /// A phase begins, of so many steps (0 if unknown).
+    fn phase(&self, name: &'static str, steps: u64);
+    /// Steps were done.
+    fn advance(&self, steps: u64);
+}
+
+/// Nobody listens.
+pub struct Silent;
+
+impl Progress for Silent {
+    fn phase(&self, _: &'static str, _: u64) {}
+    fn advance(&self, _: u64) {}
+}
+
+/// A finished or interrupted render.
+#[derive(Debug)]
+pub struct Rendering {
+    /// The image's sums.
+    pub film: Film,
+    /// What it cost.
+    pub stats: Stats,
+    /// Whether it was interrupted before its end.
+    pub interrupted: bool,
+    /// What the user should know.
+    pub warnings: Vec<String>,
+}
+
+/// What a render cost.
+#[derive(Clone, Debug, Default)]
+pub struct Stats {
+    /// Seconds in the photon pass.
+    pub photons_seconds: f64,
+    /// Seconds for radii and hierarchies.
+    pub build_seconds: f64,
+    /// Seconds for the pixels.
+    pub render_seconds: f64,
+    /// Photons emitted, in all passes.
+    pub emitted: u64,
+    /// Volume photons stored, in all passes.
+    pub volume: u64,
+    /// The largest map, in bytes.
+    pub map_bytes: u64,
+    /// The discs' radii, of the last pass.
+    pub radii: Radii,
+    /// Beam queries.
+    pub gather: GatherStats,
+    /// Photon discs that queries tested.
+    pub tested: u64,
+    /// Passes done.
+    pub passes: u32,
+    /// Camera samples per pixel done.
+    pub samples: u32,
+    /// Counts of mishaps.
+    pub tally: Tally,
+}
+
+/// Pixels along the edge of a tile.
+const TILE: u32 = 16;
+
+/// The golden ratio's relatives for two dimensions (Roberts 2018): samples of a pixel spread evenly.
+const SPREAD: [f64; 2] = [0.754_877_666_246_692_7, 0.569_840_290_998_053_2];
+
+/// Renders a scene on the current thread pool. `stop` ends it early, with what there is by then.
+///
+/// # Errors
+/// [`Error::Scene`] where the scene has no steady state; [`Error::Limit`] if the film does not fit into memory.
+pub fn render(scene: &Scene, progress: &impl Progress, stop: &AtomicBool) -> Result<Rendering> {
+    let camera = Camera::new(&scene.camera, &scene.film);
+    let layers = Layers { components: scene.film.layers, standard_error: scene.film.standard_error };
+    let (width, height) = (scene.film.width, scene.film.height);
+    let bytes = Film::bytes(width, height, layers);
+    if bytes > MOST_FILM_BYTES {
+        let gib = |bytes: u64| bytes as f64 / (1u64 << 30) as f64;
+        return Err(Error::Limit(format!(
+            "a film of {width} × {height} pixels takes {:.1} GiB of memory, more than {:.0} GiB: render it in parts, or without film.layers",
+            gib(bytes),
+            gib(MOST_FILM_BYTES)
+        )));
+    }
+    let plan = Plan::new(scene, &camera)?;
+    let mut film = Film::new(width, height, layers);
+    let mut stats = Stats::default();
+    let mut warnings = Vec::new();
+    let stopped = || stop.load(Ordering::Relaxed);
+    for pass in 0..plan.passes {
+        let maps = match plan.method {
+            Method::Photon => Some(build_maps(scene, &plan, pass, progress, stop, &mut stats, &mut warnings)),
+            Method::Path => None,
+        };
+        if stopped() {
+            break;
+        }
+        let mode = match &maps {
+            Some(maps) => Mode::Gather(maps),
+            None if plan.split => Mode::Split,
+            None => Mode::Track,
+        };
+        let start = Instant::now();
+        expose(scene, &camera, &plan, mode, pass, &mut film, progress, stop, &mut stats);
+        stats.render_seconds += start.elapsed().as_secs_f64();
+        if stopped() {
+            break;
+        }
+        film.end_pass();
+        stats.passes += 1;
+        stats.samples += plan.samples;
+    }
+    report(&stats, &mut warnings);
+    Ok(Rendering { film, stats, interrupted: stopped(), warnings })
+}
+
+/// A film larger than this is refused.
+const MOST_FILM_BYTES: u64 = 16 << 30;
+
+fn build_maps(
+    scene: &Scene,
+    plan: &Plan,
+    pass: u32,
+    progress: &impl Progress,
+    stop: &AtomicBool,
+    stats: &mut Stats,
+    warnings: &mut Vec<String>,
+) -> VolumeMaps {
+    let empty = || VolumeMaps::new((0..scene.regions).map(|_| None).collect(), &scene.media);
+    if plan.volume_photons == 0 {
+        return empty();
+    }
+    let start = Instant::now();
+    let announced = AtomicU64::new(0);
+    progress.phase("photons", 0);
+    let traced = photon::trace(
+        scene,
+        &photon::Pass {
+            seed: scene.render.seed,
+            index: pass as u64,
+            target: plan.volume_photons,
+            max_emitted: scene.photons.max_emitted,
+        },
+        &|done, all| {
+            if announced.swap(all, Ordering::Relaxed) != all {
+                progress.phase("photons", all);
+            }
+            progress.advance(done);
+        },
+        &|| stop.load(Ordering::Relaxed),
+    );
+    stats.photons_seconds += start.elapsed().as_secs_f64();
+    stats.emitted += traced.emitted;
+    stats.volume += traced.stored();
+    stats.tally = stats.tally.merge(traced.tally);
+    if stop.load(Ordering::Relaxed) {
+        return empty();
+    }
+    if pass == 0 {
+        warn_of_sparse_map(plan, &traced, warnings);
+    }
+
+    let start = Instant::now();
+    progress.phase("build", 0);
+    let settings = MapSettings { tagged: plan.tagged, ..MapSettings::new(plan.radius) };
+    let maps: Vec<Option<PhotonMap>> = traced
+        .regions
+        .into_iter()
+        .map(|photons| {
+            (!photons.is_empty()).then(|| {
+                PhotonMap::build(photons, &settings, &|position, radius, planes: &mut _| {
+                    walls::near(scene, position, radius, planes);
+                })
+            })
+        })
+        .collect();
+    let maps = VolumeMaps::new(maps, &scene.media);
+    stats.map_bytes = stats.map_bytes.max(maps.maps().map(|map| map.bytes() as u64).sum());
+    stats.radii = maps.maps().map(PhotonMap::radii).fold(Radii::default(), |a, b| Radii {
+        min: if a.max == 0.0 { b.min } else { a.min.min(b.min) },
+        mean: if a.max == 0.0 { b.mean } else { 0.5 * (a.mean + b.mean) },
+        max: a.max.max(b.max),
+    });
+    stats.build_seconds += start.elapsed().as_secs_f64();
+    maps
+}
+
+fn warn_of_sparse_map(plan: &Plan, traced: &photon::Traced, warnings: &mut Vec<String>) {
+    let (stored, emitted, wanted) = (traced.stored(), traced.emitted, plan.volume_photons);
+    if stored == 0 {
+        warnings.push(format!("none of {emitted} photons met a medium that scatters: media stay dark"));
+    } else if stored < wanted / 2 {
+        warnings.push(format!(
+            "the volume map holds {stored} of {wanted} photons after {emitted} emissions: raise photons.max_emitted, or aim the lights at the media"
+        ));
+    } else if emitted < 1000 {
+        warnings.push(format!("the volume map stems from only {emitted} emissions: raise photons.volume"));
+    }
+}
+
+#[allow(clippy::too_many_arguments)]
+fn expose(
+    scene: &Scene,
+    camera: &Camera,
+    plan: &Plan,
+    mode: Mode<'_>,
+    pass: u32,
+    film: &mut Film,
+    progress: &impl Progress,
+    stop: &AtomicBool,
+    stats: &mut Stats,
+) {
+    let (width, height) = (scene.film.width, scene.film.height);
+    let columns = width.div_ceil(TILE);
+    let tiles = columns * height.div_ceil(TILE);
+    progress.phase("render", tiles as u64 * plan.samples as u64);
+    let eye = Eye::new(scene, mode);
+    let shoot = |tile: u32, from: u32, to: u32| {
+        let mut scratch = Scratch::default();
+        let mut tally = Tally::default();
+        let (x0, y0) = (tile % columns * TILE, tile / columns * TILE);
+        let (x1, y1) = ((x0 + TILE).min(width), (y0 + TILE).min(height));
+        let mut sums = Vec::with_capacity(((x1 - x0) * (y1 - y0)) as usize);
+        for y in y0..y1 {
+            for x in x0..x1 {
+                let pixel = y as u64 * width as u64 + x as u64;
+                let mut turn = Stream::new(scene.render.seed, Purpose::Pixel, pixel, pass as u64);
+                let offset = turn.uniform2();
+                let mut sum = Sums::default();
+                for sample in from..to {
+                    let number = pass as u64 * plan.samples as u64 + sample as u64;
+                    let mut stream = Stream::new(scene.render.seed, Purpose::Camera, pixel, number);
+                    let place = std::array::from_fn(|i| (offset[i] + SPREAD[i] * sample as f64).fract());
+                    let ray = camera.ray(x, y, place, &mut stream);
+                    let inside = plan.inside.clone().unwrap_or_else(|| scene.inside(ray.origin));
+                    let mut context = Context { stream: &mut stream, scratch: &mut scratch, tally: &mut tally };
+                    sum.add(&eye.look(ray, inside, &mut context));
+                }
+                sums.push((x, y, sum));
+            }
+        }
+        progress.advance((to - from) as u64);
+        (sums, scratch.stats, tally)
+    };
+    // Rounds of ever more samples, so that an interrupted image is whole.
+    let mut from = 0;
+    while from < plan.samples {
+        let to = plan.samples.min(if from == 0 { 1 } else { 4 * from });
+        let done: Vec<_> = (0..tiles)
+            .into_par_iter()
+            .map(|tile| (!stop.load(Ordering::Relaxed)).then(|| shoot(tile, from, to)))
+            .collect();
+        for (sums, gathered, tally) in done.into_iter().flatten() {
+            sums.iter().for_each(|(x, y, sum)| film.add(*x, *y, sum));
+            stats.gather += gathered;
+            stats.tally = stats.tally.merge(tally);
+        }
+        if stop.load(Ordering::Relaxed) {
+            return;
+        }
+        from = to;
+    }
+}
+
+fn report(stats: &Stats, warnings: &mut Vec<String>) {
+    let Tally { violations, stopped, broken } = stats.tally;
+    if violations > 0 {
+        warnings.push(format!("{violations} look-ups exceeded their majorant"));
+    }
+    if stopped > 0 {
+        warnings.push(format!("{stopped} walks were cut off after 10⁹ events"));
+    }
+    if broken > 0 {
+        warnings.push(format!("{broken} samples were dropped because a number was not finite"));
+    }
+}

@@ -1,0 +1,225 @@
+//! What a scene needs, decided once, before anything is traced.
+
+use crate::math::random::Purpose;
+use crate::math::{DVec3, Rgb, Stream};
+use crate::photon::Radius;
+use crate::scene::description::{Kernel, Method};
+use crate::scene::{Inside, Scene};
+use crate::transport::{Crossing, Segment, Side, Stop, Tally, Visitor, Walk, fly, survive};
+use crate::{Error, Result};
+use std::ops::ControlFlow;
+
+use super::camera::Camera;
+
+/// The decisions.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// Photon mapping or path tracing.
+    pub method: Method,
+    /// Volume photons wanted in each pass's map; 0 if the scene has no medium that scatters.
+    pub volume_photons: u64,
+    /// How wide they are spread.
+    pub radius: Radius,
+    /// Whether photons must remember their events: for layers, or a limit of them.
+    pub tagged: bool,
+    /// Whether eye paths split in media: collisions are rare.
+    pub split: bool,
+    /// Independent passes that the image is the mean of.
+    pub passes: u32,
+    /// Camera samples per pixel and pass.
+    pub samples: u32,
+    /// The solids around the camera, where they are the same for all of its lens.
+    pub inside: Option<Inside>,
+}
+
+/// Photons in the volume map, unless the scene file says otherwise.
+const VOLUME_PHOTONS: u64 = 1_000_000;
+/// n of adaptive radii, unless the scene file says otherwise.
+const NEIGHBOURS: u32 = 200;
+/// The share of the largest extent of the photons that adaptive radii may reach at most.
+const MAX_RADIUS_SHARE: f64 = 0.1;
+/// Sub-passes for the standard error of a single pass.
+const SUB_PASSES: u32 = 8;
+/// Camera paths that tell how often paths collide.
+const PILOT: u64 = 2000;
+/// Where fewer paths than this share collide, they split.
+const RARE: f64 = 0.01;
+
+impl Plan {
+    /// Decides.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] for a scene in which no walk can end.
+    pub fn new(scene: &Scene, camera: &Camera) -> Result<Plan> {
+        let render = &scene.render;
+        refuse_eternity(scene, camera)?;
+        let scatters = scene.media.iter().any(|medium| medium.scatters());
+        let gathers = render.method == Method::Photon && scatters && (!scene.lights.is_empty() || scene.media.iter().any(|m| m.glows()));
+        let passes = if scene.film.standard_error { SUB_PASSES } else { 1 };
+
+        let photons = scene.photons.volume.unwrap_or(VOLUME_PHOTONS);
+        let volume = &scene.volume;
+        // The extent that photons can fill: of media with an end, else of the scene.
+        let extent = extent_of_media(scene);
+        let radius = match volume.kernel {
+            Kernel::Fixed => {
+                // As wide as would hold n photons if they filled the extent evenly.
+                let chosen = extent * (NEIGHBOURS as f64 / photons as f64).cbrt() * 0.5;
+                Radius::Fixed(volume.radius.unwrap_or(chosen) as f32)
+            }
+            Kernel::Variable => {
+                let neighbours = volume.neighbours.unwrap_or(NEIGHBOURS);
+                // Sub-maps hold fewer photons; the same radius holds fewer neighbours.
+                let neighbours = (neighbours / passes).max(5);
+                let pilot = volume.pilot.map_or_else(|| ((neighbours as f64).sqrt().ceil() as u32).max(5), |m| m);
+                Radius::Variable {
+                    neighbours,
+                    pilot: pilot.min(neighbours).max(1),
+                    max_radius: volume.max_radius.unwrap_or(MAX_RADIUS_SHARE * extent) as f32,
+                }
+            }
+        };
+        let inside = (camera.aperture() == 0.0 || scene.solids.is_empty()).then(|| scene.inside(camera.position));
+        let mut plan = Plan {
+            method: render.method,
+            volume_photons: if gathers { (photons / passes as u64).max(1) } else { 0 },
+            radius,
+            tagged: scene.film.layers || render.max_depth > 0,
+            split: false,
+            passes,
+            samples: render.samples.div_ceil(passes),
+            inside,
+        };
+        if render.method == Method::Path && scatters {
+            plan.split = collisions_are_rare(scene, camera, &plan);
+        }
+        Ok(plan)
+    }
+}
+
+/// The diagonal of the box around all media that scatter, as far as they end; else of the scene.
+fn extent_of_media(scene: &Scene) -> f64 {
+    let mut bounds = crate::math::Bounds::EMPTY;
+    let mut endless = false;
+    for (index, medium) in scene.media.iter().enumerate().filter(|(_, medium)| medium.scatters()) {
+        let support = medium.density.support();
+        if scene.world == Some(index as u32) {
+            endless |= !support.size().is_finite();
+            bounds = bounds.union(support);
+        }
+        for solid in scene.solids.iter().filter(|solid| solid.medium == Some(index as u32)) {
+            bounds = bounds.union(scene.geometry.bounds(solid.shape).intersection(support));
+        }
+    }
+    if endless || bounds.is_empty() {
+        // Walls around a fog limit it; without walls its mean free path does.
+        return scene.bounds().diagonal().max(f64::MIN_POSITIVE);
+    }
+    bounds.diagonal()
+}
+
+/// A camera ray of the pilot.
+fn pilot_ray(scene: &Scene, camera: &Camera, stream: &mut Stream) -> (crate::math::Ray, Inside) {
+    let x = (stream.uniform() * scene.film.width as f64) as u32;
+    let y = (stream.uniform() * scene.film.height as f64) as u32;
+    let place = stream.uniform2();
+    let ray = camera.ray(x, y, place, stream);
+    (ray, scene.inside(ray.origin))
+}
+
+/// Walks by chance, counting collisions.
+struct Wander<'s, 't> {
+    scene: &'s Scene,
+    weight: Rgb,
+    stream: &'t mut Stream,
+    collision: Option<(f64, u32)>,
+}
+
+impl Visitor for Wander<'_, '_> {
+    fn segment(&mut self, segment: &Segment<'_>) -> ControlFlow<()> {
+        let medium = &self.scene.media[segment.medium as usize];
+        let range = (segment.a, segment.b);
+        let mut tally = Tally::default();
+        match fly(medium, segment.ray, range, &mut self.weight, self.stream, &mut tally, |_, _| {}) {
+            Some(t) => {
+                self.collision = Some((t, segment.medium));
+                ControlFlow::Break(())
+            }
+            None => ControlFlow::Continue(()),
+        }
+    }
+
+    fn crossing(&mut self, _: &Crossing<'_>) {}
+}
+
+/// How a walk of the pilot went.
+enum Wandered {
+    Ended { collided: bool },
+    TooLong,
+}
+
+fn wander(scene: &Scene, ray: crate::math::Ray, inside: Inside, most: u64, stream: &mut Stream) -> Wandered {
+    let mut walk = Walk::new(scene, ray, inside);
+    let mut weight = Rgb::ONE;
+    let mut collided = false;
+    for _ in 0..most {
+        let mut visitor = Wander { scene, weight, stream, collision: None };
+        let stop = walk.advance(&mut visitor);
+        weight = visitor.weight;
+        let collision = visitor.collision;
+        match (stop, collision) {
+            (Stop::Ended, Some((t, medium))) => {
+                collided = true;
+                let medium = &scene.media[medium as usize];
+                if !survive(&mut weight, medium.albedo, stream) {
+                    return Wandered::Ended { collided };
+                }
+                let (direction, _): (DVec3, f64) = medium.phase.sample(walk.ray.direction, stream);
+                walk.turn(t, direction);
+            }
+            (Stop::Surface(at), _) => match at.scatter(Side::Light, &mut weight, stream) {
+                Some(direction) => walk.leave(&at, direction),
+                None => return Wandered::Ended { collided },
+            },
+            _ => return Wandered::Ended { collided },
+        }
+    }
+    Wandered::TooLong
+}
+
+fn collisions_are_rare(scene: &Scene, camera: &Camera, plan: &Plan) -> bool {
+    const LONG_ENOUGH: u64 = 1000;
+    let mut collided = 0;
+    for index in 0..PILOT {
+        let mut stream = Stream::new(scene.render.seed, Purpose::Pilot, index, plan.passes as u64);
+        let (ray, inside) = pilot_ray(scene, camera, &mut stream);
+        if !matches!(wander(scene, ray, inside, LONG_ENOUGH, &mut stream), Wandered::Ended { collided: false }) {
+            collided += 1;
+        }
+    }
+    (collided as f64) < RARE * PILOT as f64
+}
+
+/// Where nothing absorbs and nothing escapes there is no steady state.
+fn refuse_eternity(scene: &Scene, camera: &Camera) -> Result<()> {
+    let absorbs = |albedo: Rgb| albedo.min_element() < 1.0;
+    let surfaces = scene.surfaces.iter().filter_map(|surface| surface.material.reflectance()).any(absorbs);
+    let media = scene.media.iter().any(|medium| !medium.is_clear() && absorbs(medium.albedo));
+    if scene.render.max_depth > 0 || surfaces || media {
+        return Ok(());
+    }
+    // Nothing absorbs: does anything escape?
+    const WALKS: u64 = 32;
+    const LONG: u64 = 100_000;
+    for index in 0..WALKS {
+        let mut stream = Stream::new(scene.render.seed, Purpose::Pilot, index, u64::MAX);
+        let (ray, inside) = pilot_ray(scene, camera, &mut stream);
+        if matches!(wander(scene, ray, inside, LONG, &mut stream), Wandered::Ended { .. }) {
+            return Ok(());
+        }
+    }
+    Err(Error::Scene(
+        "light in this scene neither escapes nor is absorbed, so it has no steady state: open the scene, lower a reflectance or an albedo below 1, or limit render.max_depth"
+            .to_string(),
+    ))
+}
