@@ -23,8 +23,16 @@ pub(super) type Read<T> = std::result::Result<T, Noted>;
 /// The problems found so far.
 #[derive(Default)]
 pub(super) struct Problems {
-    kept: RefCell<Vec<(Place, String)>>,
+    kept: RefCell<Vec<Problem>>,
     others: Cell<usize>,
+}
+
+#[derive(Clone, PartialEq)]
+struct Problem {
+    message: String,
+    /// Whether something is missing from the table that the place is.
+    missing: bool,
+    place: Place,
 }
 
 impl Problems {
@@ -32,15 +40,16 @@ impl Problems {
     const SHOWN: usize = 20;
 
     pub(super) fn note(&self, place: Place, message: impl Display) -> Noted {
+        self.push(Problem { message: message.to_string(), missing: false, place })
+    }
+
+    fn push(&self, problem: Problem) -> Noted {
         let mut kept = self.kept.borrow_mut();
-        if kept.len() < Self::KEPT {
-            let problem = (place, message.to_string());
-            // What an instance takes over from its template is checked for each.
-            if !kept.contains(&problem) {
-                kept.push(problem);
-            }
-        } else {
+        if kept.len() >= Self::KEPT {
             self.others.set(self.others.get() + 1);
+        } else if !kept.contains(&problem) {
+            // What an instance takes over from its template is checked for each.
+            kept.push(problem);
         }
         Noted
     }
@@ -51,10 +60,10 @@ impl Problems {
         if kept.is_empty() {
             return Ok(());
         }
-        kept.sort_by_cached_key(|(place, _)| place.source.line_and_column().unwrap_or((usize::MAX, 0)));
+        kept.sort_by_cached_key(|problem| problem.place.source.line_and_column().unwrap_or((usize::MAX, 0)));
         let others = self.others.get() + kept.len().saturating_sub(Self::SHOWN);
-        let mut lines: Vec<String> =
-            kept.iter().take(Self::SHOWN).map(|(place, message)| format!("{place}: {message}")).collect();
+        let shown = kept.iter().take(Self::SHOWN);
+        let mut lines: Vec<String> = shown.map(|problem| format!("{}: {}", problem.place, problem.message)).collect();
         if others > 0 {
             lines.push(format!("and {others} more"));
         }
@@ -190,7 +199,7 @@ impl<'a> Item<'a> {
     }
 
     /// A number of at least `low`, below `high`.
-    pub(super) fn from_below(&self, low: f64, high: f64) -> Read<f64> {
+    pub(super) fn half_open(&self, low: f64, high: f64) -> Read<f64> {
         self.number_where(&format!("a number of at least {low} and below {high}"), |x| low <= x && x < high)
     }
 
@@ -347,7 +356,14 @@ impl<'a> Table<'a> {
     }
 
     pub(super) fn require<T>(&self, key: &'static str, read: impl FnOnce(&Item<'a>) -> Read<T>) -> Read<T> {
-        self.get(key, read)?.ok_or_else(|| self.fail_at(key, "is missing"))
+        self.get(key, read)?.ok_or_else(|| self.missing(key, "is missing"))
+    }
+
+    /// A problem with what is not there: a `key`, or one of several where that is empty. A misspelt key
+    /// in the same table explains it and takes its place.
+    pub(super) fn missing(&self, key: &str, message: impl Display) -> Noted {
+        let place = if key.is_empty() { self.place() } else { self.place_of(key) };
+        self.item.problems.push(Problem { message: message.to_string(), missing: true, place })
     }
 
     /// The table under `key`; an empty one if there is none.
@@ -382,6 +398,10 @@ impl<'a> Table<'a> {
             let suggestion = did_you_mean(&entry.key, known.iter().copied());
             let keys = listed(&known, "keys here:", "no keys are expected here");
             result = Err(self.item.problems.note(place, format!("unknown key{suggestion} ({keys})")));
+        }
+        if result.is_err() {
+            let here = &self.item.node.source;
+            self.item.problems.kept.borrow_mut().retain(|problem| !problem.missing || problem.place.source != *here);
         }
         result
     }

@@ -312,7 +312,7 @@ fn inherit(drafts: &mut [Draft], instance: usize, template: usize) -> Read<()> {
     let root_transform = drafts[root].transform;
     let draft = &mut drafts[instance];
     draft.kind = ShapeKind::Instance { of: root };
-    draft.transform = draft.transform * before;
+    draft.transform *= before;
     draft.material = draft.material.take().or(material);
     draft.interior = draft.interior.take().or(interior);
     draft.priority = draft.priority.or(priority);
