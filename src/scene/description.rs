@@ -55,7 +55,8 @@ impl Source {
         let before = document.text.get(..*offset).unwrap_or(&document.text);
         let start = before.rfind('\n').map_or(0, |newline| newline + 1);
         let lines = before.bytes().filter(|&byte| byte == b'\n').count();
-        Some((lines + 1, before[start..].chars().count() + 1))
+        // A byte order mark takes no column.
+        Some((lines + 1, before[start..].chars().filter(|&c| c != '\u{feff}').count() + 1))
     }
 }
 

@@ -43,6 +43,11 @@ impl Problems {
         self.push(Problem { message: message.to_string(), missing: false, place })
     }
 
+    /// Whether further problems are only counted.
+    fn is_full(&self) -> bool {
+        self.kept.borrow().len() >= Self::KEPT
+    }
+
     fn push(&self, problem: Problem) -> Noted {
         let mut kept = self.kept.borrow_mut();
         if kept.len() >= Self::KEPT {
@@ -303,14 +308,16 @@ impl<'a> Item<'a> {
     /// The index in `names` of the one this refers to; `kind` is what they are, in the singular.
     pub(super) fn reference(&self, kind: &str, names: &[&str]) -> Read<usize> {
         let text = self.string()?;
-        names.iter().position(|name| *name == text).ok_or_else(|| {
-            let suggestion = did_you_mean(text, names.iter().copied());
-            self.fail(format!(
-                "no {kind} is named {}{suggestion} ({})",
-                quoted(text),
-                listed(names, "there are", "there is none")
-            ))
-        })
+        names.iter().position(|name| *name == text).ok_or_else(|| self.unknown_name(kind, text, names))
+    }
+
+    /// A reference to what is not among `names`.
+    pub(super) fn unknown_name(&self, kind: &str, text: &str, names: &[&str]) -> Noted {
+        // A problem that is only counted needs no suggestion.
+        let names = if self.problems.is_full() { &[] } else { names };
+        let suggestion = did_you_mean(text, names.iter().copied());
+        let known = listed(names, "there are", "there is none");
+        self.fail(format!("no {kind} is named {}{suggestion} ({known})", quoted(text)))
     }
 }
 
@@ -432,13 +439,15 @@ pub(super) fn unit(vector: DVec3) -> Option<DVec3> {
 
 /// `; did you mean …?` for the candidate nearest to `name`, or nothing if all are far.
 pub(super) fn did_you_mean<'a>(name: &str, candidates: impl Iterator<Item = &'a str>) -> String {
+    // Bounds on the work, where names or mistakes are many.
     const LONGEST: usize = 64;
+    const MOST: usize = 1000;
     if name.len() > LONGEST {
         return String::new();
     }
     let plain = |text: &str| text.to_lowercase().replace('-', "_");
     let name = plain(name);
-    let near = candidates.filter(|candidate| candidate.len() <= LONGEST).filter_map(|candidate| {
+    let near = candidates.take(MOST).filter(|candidate| candidate.len() <= LONGEST).filter_map(|candidate| {
         let distance = strsim::osa_distance(&name, &plain(candidate));
         (distance <= (candidate.chars().count().max(name.chars().count()) / 3).max(1)).then_some((distance, candidate))
     });
@@ -480,5 +489,29 @@ fn found(value: &Value) -> String {
         Value::Float(number) => format!("{number:?}"),
         Value::Boolean(value) => value.to_string(),
         Value::Date(date) => format!("the date {date}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_near_names_are_suggested() {
+        let keys = ["sigma_s", "sigma_a", "g", "center"];
+        let suggest = |name| did_you_mean(name, keys.into_iter());
+        assert_eq!(suggest("sgima_a"), "; did you mean `sigma_a`?");
+        assert_eq!(suggest("Sigma-S"), "; did you mean `sigma_s`?");
+        assert_eq!(suggest("centre"), "; did you mean `center`?");
+        assert_eq!(suggest("albedo"), "");
+        assert_eq!(suggest(&"sigma_s".repeat(1000)), "");
+    }
+
+    #[test]
+    fn keys_are_joined_as_toml_reads_them() {
+        assert_eq!(join("", "media"), "media");
+        assert_eq!(join("media", "fog-2"), "media.fog-2");
+        assert_eq!(join("media", "my fog"), "media.\"my fog\"");
+        assert_eq!(join("media", ""), "media.\"\"");
     }
 }
