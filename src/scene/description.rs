@@ -30,7 +30,7 @@ pub(crate) enum Source {
 }
 
 /// A scene file as it was read.
-#[derive(PartialEq)]
+#[derive(PartialEq, Eq)]
 pub(crate) struct Document {
     pub(crate) name: String,
     pub(crate) text: String,
@@ -55,7 +55,8 @@ impl Source {
         let before = document.text.get(..*offset).unwrap_or(&document.text);
         let start = before.rfind('\n').map_or(0, |newline| newline + 1);
         let lines = before.bytes().filter(|&byte| byte == b'\n').count();
-        Some((lines + 1, before[start..].chars().count() + 1))
+        // A byte order mark takes no column.
+        Some((lines + 1, before[start..].chars().filter(|&c| c != '\u{feff}').count() + 1))
     }
 }
 
@@ -383,7 +384,7 @@ pub struct Shape {
     /// emission, an instance's template's; meaningless on an invisible shape.
     pub material: Located<usize>,
     /// An index into [`Description::media`]: what fills the solid. Only shapes that can be closed have
-    /// one; whether a mesh is closed is not known yet. An instance has its template's unless it says otherwise.
+    /// one; whether a mesh is closed is not known yet. Behind an opaque material it is seen from inside only. An instance has its template's unless it says otherwise.
     pub interior: Option<Located<usize>>,
     /// The highest of the solids that contain a point decides what is there. An instance has its template's unless it says otherwise.
     pub priority: i32,

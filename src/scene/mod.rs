@@ -1,6 +1,6 @@
 //! What a scene file may say, and reading it with places kept for errors.
 //!
-//! [`read`] turns the text of a scene file and the overrides of the command line into a
+//! [`read()`] turns the text of a scene file and the overrides of the command line into a
 //! [`Description`]: typed, checked, references resolved, but no other file opened yet.
 
 pub mod description;

@@ -40,7 +40,7 @@ pub fn read(path: &Path, overrides: &[String]) -> Result<Description> {
 ///
 /// # Errors
 ///
-/// [`Error::Scene`], as [`read`].
+/// [`Error::Scene`], as [`read()`].
 pub fn parse(text: &str, path: &Path, overrides: &[String]) -> Result<Description> {
     let document = Document { name: path.display().to_string(), text: text.to_owned() };
     let mut root = tree::parse(&Arc::new(document))?;
@@ -108,7 +108,7 @@ fn describe(root: &Table, path: &Path) -> Read<Description> {
     let shapes = shapes::shapes(&shape_items?.unwrap_or_default(), &names);
     let lights = lights::lights(&light_items?.unwrap_or_default(), &names);
 
-    (surface?, compare?, finished?);
+    surface.and(compare).and(finished)?;
     let (mut materials, media) = (materials?, media?);
     let shapes = shapes::finish(shapes?, &mut materials, &names)?;
     let mut description = Description {
@@ -152,7 +152,7 @@ fn either<'a, A, B>(
     match (a?, b?) {
         (Some(a), None) => Ok(Either::First(a)),
         (None, Some(b)) => Ok(Either::Second(b)),
-        (None, None) => Err(table.fail(format!("needs `{first}` or `{second}`"))),
+        (None, None) => Err(table.missing("", format!("needs `{first}` or `{second}`"))),
         (Some(_), Some(_)) => Err(table.fail_at(second, format!("`{first}` is given too; expected only one of them"))),
     }
 }
@@ -274,7 +274,7 @@ fn photons(table: &Table) -> Read<Photons> {
     let caustic = table.get("caustic", |item| none(item, "caustic"));
     let max_emitted = table.get_or("max_emitted", 50_000_000, |item| item.u64(1));
     table.finish()?;
-    (global?, caustic?);
+    global.and(caustic)?;
     Ok(Photons { volume: volume?, max_emitted: max_emitted? })
 }
 
@@ -291,7 +291,7 @@ fn volume(table: &Table) -> Read<Volume> {
     let single = table.get("single_scattering", |item| item.choice(&[("photons", ())], &["traced", "approximate"]));
     let march = table.get("march", |item| march(&item.table()?));
     table.finish()?;
-    (estimate?, profile?, single?, march?);
+    estimate.and(profile).and(single).and(march)?;
     Ok(Volume { kernel: kernel?, radius: radius?, neighbours: neighbours?, pilot: pilot?, max_radius: max_radius? })
 }
 
@@ -301,7 +301,7 @@ fn march(table: &Table) -> Read<()> {
     let size = table.get("size", Item::length);
     let contrast = table.get("contrast", Item::positive);
     table.finish()?;
-    (step?, size?, contrast?);
+    step.and(size.and(contrast))?;
     Err(table.fail("marching is not supported yet"))
 }
 

@@ -23,8 +23,16 @@ pub(super) type Read<T> = std::result::Result<T, Noted>;
 /// The problems found so far.
 #[derive(Default)]
 pub(super) struct Problems {
-    kept: RefCell<Vec<(Place, String)>>,
+    kept: RefCell<Vec<Problem>>,
     others: Cell<usize>,
+}
+
+#[derive(Clone, PartialEq)]
+struct Problem {
+    message: String,
+    /// Whether something is missing from the table that the place is.
+    missing: bool,
+    place: Place,
 }
 
 impl Problems {
@@ -32,15 +40,21 @@ impl Problems {
     const SHOWN: usize = 20;
 
     pub(super) fn note(&self, place: Place, message: impl Display) -> Noted {
+        self.push(Problem { message: message.to_string(), missing: false, place })
+    }
+
+    /// Whether further problems are only counted.
+    fn is_full(&self) -> bool {
+        self.kept.borrow().len() >= Self::KEPT
+    }
+
+    fn push(&self, problem: Problem) -> Noted {
         let mut kept = self.kept.borrow_mut();
-        if kept.len() < Self::KEPT {
-            let problem = (place, message.to_string());
-            // What an instance takes over from its template is checked for each.
-            if !kept.contains(&problem) {
-                kept.push(problem);
-            }
-        } else {
+        if kept.len() >= Self::KEPT {
             self.others.set(self.others.get() + 1);
+        } else if !kept.contains(&problem) {
+            // What an instance takes over from its template is checked for each.
+            kept.push(problem);
         }
         Noted
     }
@@ -51,10 +65,10 @@ impl Problems {
         if kept.is_empty() {
             return Ok(());
         }
-        kept.sort_by_cached_key(|(place, _)| place.source.line_and_column().unwrap_or((usize::MAX, 0)));
+        kept.sort_by_cached_key(|problem| problem.place.source.line_and_column().unwrap_or((usize::MAX, 0)));
         let others = self.others.get() + kept.len().saturating_sub(Self::SHOWN);
-        let mut lines: Vec<String> =
-            kept.iter().take(Self::SHOWN).map(|(place, message)| format!("{place}: {message}")).collect();
+        let shown = kept.iter().take(Self::SHOWN);
+        let mut lines: Vec<String> = shown.map(|problem| format!("{}: {}", problem.place, problem.message)).collect();
         if others > 0 {
             lines.push(format!("and {others} more"));
         }
@@ -190,7 +204,7 @@ impl<'a> Item<'a> {
     }
 
     /// A number of at least `low`, below `high`.
-    pub(super) fn from_below(&self, low: f64, high: f64) -> Read<f64> {
+    pub(super) fn half_open(&self, low: f64, high: f64) -> Read<f64> {
         self.number_where(&format!("a number of at least {low} and below {high}"), |x| low <= x && x < high)
     }
 
@@ -294,14 +308,16 @@ impl<'a> Item<'a> {
     /// The index in `names` of the one this refers to; `kind` is what they are, in the singular.
     pub(super) fn reference(&self, kind: &str, names: &[&str]) -> Read<usize> {
         let text = self.string()?;
-        names.iter().position(|name| *name == text).ok_or_else(|| {
-            let suggestion = did_you_mean(text, names.iter().copied());
-            self.fail(format!(
-                "no {kind} is named {}{suggestion} ({})",
-                quoted(text),
-                listed(names, "there are", "there is none")
-            ))
-        })
+        names.iter().position(|name| *name == text).ok_or_else(|| self.unknown_name(kind, text, names))
+    }
+
+    /// A reference to what is not among `names`.
+    pub(super) fn unknown_name(&self, kind: &str, text: &str, names: &[&str]) -> Noted {
+        // A problem that is only counted needs no suggestion.
+        let names = if self.problems.is_full() { &[] } else { names };
+        let suggestion = did_you_mean(text, names.iter().copied());
+        let known = listed(names, "there are", "there is none");
+        self.fail(format!("no {kind} is named {}{suggestion} ({known})", quoted(text)))
     }
 }
 
@@ -347,7 +363,14 @@ impl<'a> Table<'a> {
     }
 
     pub(super) fn require<T>(&self, key: &'static str, read: impl FnOnce(&Item<'a>) -> Read<T>) -> Read<T> {
-        self.get(key, read)?.ok_or_else(|| self.fail_at(key, "is missing"))
+        self.get(key, read)?.ok_or_else(|| self.missing(key, "is missing"))
+    }
+
+    /// A problem with what is not there: a `key`, or one of several where that is empty. A misspelt key
+    /// in the same table explains it and takes its place.
+    pub(super) fn missing(&self, key: &str, message: impl Display) -> Noted {
+        let place = if key.is_empty() { self.place() } else { self.place_of(key) };
+        self.item.problems.push(Problem { message: message.to_string(), missing: true, place })
     }
 
     /// The table under `key`; an empty one if there is none.
@@ -383,6 +406,10 @@ impl<'a> Table<'a> {
             let keys = listed(&known, "keys here:", "no keys are expected here");
             result = Err(self.item.problems.note(place, format!("unknown key{suggestion} ({keys})")));
         }
+        if result.is_err() {
+            let here = &self.item.node.source;
+            self.item.problems.kept.borrow_mut().retain(|problem| !problem.missing || problem.place.source != *here);
+        }
         result
     }
 }
@@ -412,13 +439,15 @@ pub(super) fn unit(vector: DVec3) -> Option<DVec3> {
 
 /// `; did you mean …?` for the candidate nearest to `name`, or nothing if all are far.
 pub(super) fn did_you_mean<'a>(name: &str, candidates: impl Iterator<Item = &'a str>) -> String {
+    // Bounds on the work, where names or mistakes are many.
     const LONGEST: usize = 64;
+    const MOST: usize = 1000;
     if name.len() > LONGEST {
         return String::new();
     }
     let plain = |text: &str| text.to_lowercase().replace('-', "_");
     let name = plain(name);
-    let near = candidates.filter(|candidate| candidate.len() <= LONGEST).filter_map(|candidate| {
+    let near = candidates.take(MOST).filter(|candidate| candidate.len() <= LONGEST).filter_map(|candidate| {
         let distance = strsim::osa_distance(&name, &plain(candidate));
         (distance <= (candidate.chars().count().max(name.chars().count()) / 3).max(1)).then_some((distance, candidate))
     });
@@ -460,5 +489,29 @@ fn found(value: &Value) -> String {
         Value::Float(number) => format!("{number:?}"),
         Value::Boolean(value) => value.to_string(),
         Value::Date(date) => format!("the date {date}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_near_names_are_suggested() {
+        let keys = ["sigma_s", "sigma_a", "g", "center"];
+        let suggest = |name| did_you_mean(name, keys.into_iter());
+        assert_eq!(suggest("sgima_a"), "; did you mean `sigma_a`?");
+        assert_eq!(suggest("Sigma-S"), "; did you mean `sigma_s`?");
+        assert_eq!(suggest("centre"), "; did you mean `center`?");
+        assert_eq!(suggest("albedo"), "");
+        assert_eq!(suggest(&"sigma_s".repeat(1000)), "");
+    }
+
+    #[test]
+    fn keys_are_joined_as_toml_reads_them() {
+        assert_eq!(join("", "media"), "media");
+        assert_eq!(join("media", "fog-2"), "media.fog-2");
+        assert_eq!(join("media", "my fog"), "media.\"my fog\"");
+        assert_eq!(join("media", ""), "media.\"\"");
     }
 }

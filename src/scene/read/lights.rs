@@ -94,7 +94,7 @@ fn spot(table: &Table) -> Read<LightKind> {
 fn directional(table: &Table) -> Read<LightKind> {
     let direction = table.require("direction", Item::direction);
     let irradiance = table.require("irradiance", Item::colour);
-    let angle = table.get_or("angle", 0.0, |item| item.from_below(0.0, 180.0));
+    let angle = table.get_or("angle", 0.0, |item| item.half_open(0.0, 180.0));
     let center = table.get("center", Item::vector);
     let radius = table.get("radius", Item::length);
     table.finish()?;

@@ -31,15 +31,17 @@ fn coefficients(table: &Table) -> Read<(Rgb, Rgb)> {
     let preset = table.later("preset");
     let unit = table.get("unit", |item| item.choice(&[("scene", ())], &["mm", "cm", "m"]));
     let scale = table.get_or("scale", 1.0, Item::non_negative);
-    (preset?, unit?);
+    preset.and(unit)?;
 
     let (sigma_s, sigma_a) = match (sigma_s?, sigma_a?, sigma_t?, albedo?) {
         (None, None, None, None) => {
-            return Err(table.fail("has no coefficients; expected `sigma_s` and `sigma_a`, or `sigma_t` and `albedo`"));
+            return Err(
+                table.missing("", "has no coefficients; expected `sigma_s` and `sigma_a`, or `sigma_t` and `albedo`")
+            );
         }
         (None, None, Some(sigma_t), Some(albedo)) => (sigma_t * albedo, sigma_t * (Rgb::ONE - albedo)),
-        (None, None, Some(_), None) => return Err(table.fail_at("albedo", "is missing beside `sigma_t`")),
-        (None, None, None, Some(_)) => return Err(table.fail_at("sigma_t", "is missing beside `albedo`")),
+        (None, None, Some(_), None) => return Err(table.missing("albedo", "is missing beside `sigma_t`")),
+        (None, None, None, Some(_)) => return Err(table.missing("sigma_t", "is missing beside `albedo`")),
         (sigma_s, sigma_a, None, None) => (sigma_s.unwrap_or(Rgb::ZERO), sigma_a.unwrap_or(Rgb::ZERO)),
         (sigma_s, _, sigma_t, _) => {
             let here = if sigma_t.is_some() { "sigma_t" } else { "albedo" };

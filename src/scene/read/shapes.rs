@@ -30,20 +30,29 @@ enum MaterialReference {
     None,
 }
 
+/// The shapes that have names.
+#[derive(Default)]
+struct ShapeNames<'a> {
+    /// In the order of the file.
+    all: Vec<&'a str>,
+    indices: HashMap<&'a str, usize>,
+}
+
 pub(super) fn shapes<'a>(items: &[Item<'a>], names: &Names) -> Read<Vec<Draft<'a>>> {
-    let mut by_name = HashMap::new();
+    let mut shapes = ShapeNames::default();
     let mut unique = Ok(());
     for (index, item) in items.iter().enumerate() {
         let Some(name) = name_of(item.node) else { continue };
-        if by_name.insert(name, index).is_some() {
+        shapes.all.push(name);
+        if shapes.indices.insert(name, index).is_some() {
             unique = Err(item.fail(format!("another shape is named {name:?} too; expected each name once")));
         }
     }
-    let drafts = all(items, |item| draft(item, names, &by_name));
+    let drafts = all(items, |item| draft(item, names, &shapes));
     unique.and(drafts)
 }
 
-fn draft<'a>(item: &Item<'a>, names: &Names, by_name: &HashMap<&str, usize>) -> Read<Draft<'a>> {
+fn draft<'a>(item: &Item<'a>, names: &Names, shapes: &ShapeNames) -> Read<Draft<'a>> {
     let table = item.table()?;
     let name = table.get("name", Item::string);
     let transform = table.get_or("transform", DAffine3::IDENTITY, transform);
@@ -52,7 +61,7 @@ fn draft<'a>(item: &Item<'a>, names: &Names, by_name: &HashMap<&str, usize>) -> 
     let priority = table.get("priority", |item| item.integer(i32::MIN.into(), i32::MAX.into()));
     let emission = table.get("emission", |item| emission(&item.table()?));
     let visible = table.get_or("visible", true, Item::boolean);
-    let kind = kind(&table, names, by_name);
+    let kind = kind(&table, names, shapes);
     Ok(Draft {
         item: item.clone(),
         name: name?,
@@ -92,7 +101,7 @@ fn emission(table: &Table) -> Read<ShapeEmission> {
 }
 
 /// The keys of the shape's own type; they are the last to be read.
-fn kind(table: &Table, names: &Names, by_name: &HashMap<&str, usize>) -> Read<ShapeKind> {
+fn kind(table: &Table, names: &Names, shapes: &ShapeNames) -> Read<ShapeKind> {
     #[derive(Clone, Copy)]
     enum Kind {
         Sphere,
@@ -168,13 +177,10 @@ fn kind(table: &Table, names: &Names, by_name: &HashMap<&str, usize>) -> Read<Sh
             Ok(ShapeKind::Mesh { file: file?, smooth: smooth? })
         }
         Kind::Instance => {
-            let of = table.require("of", |item| match by_name.get(item.string()?) {
-                Some(index) => Ok(*index),
-                None => {
-                    let mut known: Vec<&str> = by_name.keys().copied().collect();
-                    known.sort_unstable();
-                    item.reference("shape", &known)
-                }
+            let of = table.require("of", |item| {
+                let name = item.string()?;
+                let index = shapes.indices.get(name).copied();
+                index.ok_or_else(|| item.unknown_name("shape", name, &shapes.all))
             });
             table.finish()?;
             Ok(ShapeKind::Instance { of: of? })
@@ -295,8 +301,12 @@ fn resolve_instances(drafts: &mut [Draft]) -> Read<()> {
 
 fn cycle(drafts: &[Draft], way: &[usize], first: usize) -> Noted {
     let from = way.iter().position(|&index| index == first).unwrap_or(0);
+    const SHOWN: usize = 8;
     let names = way[from..].iter().chain([&first]).map(|&index| drafts[index].name.unwrap_or_default());
-    let names: Vec<&str> = names.collect();
+    let mut names: Vec<&str> = names.collect();
+    if names.len() > SHOWN {
+        names.splice(SHOWN / 2..names.len() - SHOWN / 2, ["…"]);
+    }
     drafts[first].item.fail(format!("instances that repeat each other: {}", names.join(" → ")))
 }
 
@@ -312,7 +322,7 @@ fn inherit(drafts: &mut [Draft], instance: usize, template: usize) -> Read<()> {
     let root_transform = drafts[root].transform;
     let draft = &mut drafts[instance];
     draft.kind = ShapeKind::Instance { of: root };
-    draft.transform = draft.transform * before;
+    draft.transform *= before;
     draft.material = draft.material.take().or(material);
     draft.interior = draft.interior.take().or(interior);
     draft.priority = draft.priority.or(priority);
