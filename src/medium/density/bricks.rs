@@ -150,7 +150,8 @@ impl BrickGrid {
         let fail = |message: String| Error::asset(&grid.path, format!("grid {:?}: {message}", grid.name));
         if grid.class == vdb::GridClass::LevelSet {
             return Err(fail(
-                "is a level set: its values are distances to a surface, not densities; convert it to a fog volume".into(),
+                "is a level set: its values are distances to a surface, not densities; convert it to a fog volume"
+                    .into(),
             ));
         }
         let mut builder = Builder::new(grid.background, negative);
@@ -270,10 +271,7 @@ impl BrickGrid {
     pub fn support(&self) -> Bounds {
         let Some((lo, hi)) = self.cell_range() else { return Bounds::EMPTY };
         let shift = self.shift();
-        Bounds {
-            min: DVec3::from_array(lo.map(f64::from)) - shift,
-            max: DVec3::from_array(hi.map(f64::from)) - shift,
-        }
+        Bounds { min: DVec3::from_array(lo.map(f64::from)) - shift, max: DVec3::from_array(hi.map(f64::from)) - shift }
     }
 
     /// The value of voxel (i, j, k).
@@ -324,11 +322,8 @@ impl BrickGrid {
         for n in 1..8_usize {
             let step = [(n >> 2 & 1) as i32 & cross[0], (n >> 1 & 1) as i32 & cross[1], (n & 1) as i32 & cross[2]];
             let m = (step[0] << 2 | step[1] << 1 | step[2]) as usize;
-            codes[n] = if m == n {
-                self.code([brick[0] + step[0], brick[1] + step[1], brick[2] + step[2]])
-            } else {
-                codes[m]
-            };
+            codes[n] =
+                if m == n { self.code([brick[0] + step[0], brick[1] + step[1], brick[2] + step[2]]) } else { codes[m] };
         }
         let corners = self.corners_across(&codes, local);
         let fraction = std::array::from_fn(|axis| ((p[axis] - i[axis] as f64) as f32).clamp(0.0, 1.0));
@@ -628,7 +623,8 @@ impl BrickGrid {
                 return Block { lo, hi, code, range: self.own_range(code) };
             }
         }
-        let range = self.codes_near(brick).into_iter().fold(Range::NONE, |range, code| range.union(self.own_range(code)));
+        let range =
+            self.codes_near(brick).into_iter().fold(Range::NONE, |range, code| range.union(self.own_range(code)));
         one(code, range)
     }
 
@@ -676,8 +672,7 @@ impl Range {
 impl IndexRay {
     fn new(origin: DVec3, direction: DVec3) -> Self {
         // So small a component that its inverse overflows moves the ray nowhere.
-        let direction =
-            DVec3::from_array(direction.to_array().map(|d| if d.recip().is_finite() { d } else { 0.0 }));
+        let direction = DVec3::from_array(direction.to_array().map(|d| if d.recip().is_finite() { d } else { 0.0 }));
         IndexRay { origin, direction, inverse: direction.recip() }
     }
 
@@ -901,7 +896,11 @@ impl Builder {
         let constant = |code: u32| self.constants[(code & !CONSTANT) as usize];
         let ranges = (0..count)
             .map(|n| {
-                let local = [n / (size[1] as usize * size[2] as usize), n / size[2] as usize % size[1] as usize, n % size[2] as usize];
+                let local = [
+                    n / (size[1] as usize * size[2] as usize),
+                    n / size[2] as usize % size[1] as usize,
+                    n % size[2] as usize,
+                ];
                 (0..8).fold(Range::NONE, |range, part| {
                     let brick = [
                         min[0] + (local[0] + (part >> 2 & 1)) as i32,
