@@ -11,7 +11,8 @@
 
 use super::vdb;
 use crate::error::{Error, Result};
-use crate::math::{Bounds, DVec3};
+use crate::math::{Bounds, DVec3, Vec3};
+use glam::Vec4;
 use std::collections::HashMap;
 use std::ops::ControlFlow;
 
@@ -71,11 +72,10 @@ impl Cell {
 pub struct BrickGrid {
     background: f32,
     interpolation: Interpolation,
-    /// The values of each brick, z fastest.
-    values: Vec<[f32; 512]>,
+    /// The values of each brick, z fastest, and then the constants.
+    values: Vec<f32>,
     /// The least and greatest value of each brick.
     own_ranges: Vec<Range>,
-    constants: Vec<f32>,
     index: Index,
     /// The first and last voxel along each axis that differ from the background.
     occupied: Option<([i32; 3], [i32; 3])>,
@@ -254,7 +254,7 @@ impl BrickGrid {
 
     /// How many bricks are stored.
     pub fn bricks(&self) -> usize {
-        self.values.len()
+        self.own_ranges.len()
     }
 
     /// The memory taken, in bytes.
@@ -265,7 +265,7 @@ impl BrickGrid {
                 size_of_val(&roots[..]) + upper.iter().chain(lower).map(|node| size_of_val(&node[..])).sum::<usize>()
             }
         };
-        index + size_of_val(&self.values[..]) + size_of_val(&self.own_ranges[..]) + size_of_val(&self.constants[..])
+        index + size_of_val(&self.values[..]) + size_of_val(&self.own_ranges[..])
     }
 
     /// Where the density can differ from the background, in index space: lower faces included, upper
@@ -278,8 +278,8 @@ impl BrickGrid {
 
     /// The value of voxel (i, j, k).
     pub fn value_at(&self, i: i32, j: i32, k: i32) -> f32 {
-        let code = self.code([i >> 3, j >> 3, k >> 3]);
-        self.brick_value(code, [i & 7, j & 7, k & 7])
+        let (place, mask) = self.place(self.code([i >> 3, j >> 3, k >> 3]));
+        self.values[place + (offset([i & 7, j & 7, k & 7]) & mask)]
     }
 
     /// The density at `p`, in index space.
@@ -303,33 +303,18 @@ impl BrickGrid {
         let i = [floor(p.x), floor(p.y), floor(p.z)];
         let brick = i.map(|i| i >> 3);
         let local = i.map(|i| i & 7);
-        let code = self.code(brick);
-        if local[0] < 7 && local[1] < 7 && local[2] < 7 {
+        let crosses = local.contains(&7);
+        let fraction = |axis: usize| (p[axis] - i[axis] as f64) as f32;
+        if !crosses {
+            let code = self.code(brick);
             if code & CONSTANT != 0 {
-                return self.constants[(code & !CONSTANT) as usize];
+                return self.constant(code);
             }
-            let fraction = [(p.x - i[0] as f64) as f32, (p.y - i[1] as f64) as f32, (p.z - i[2] as f64) as f32];
-            return interpolate(&corners_inside(&self.values[code as usize], local), fraction);
+            return interpolate(&corners_inside(self.brick(code), local), [fraction(0), fraction(1), fraction(2)]);
         }
-        self.trilinear_across(p, i, code)
-    }
-
-    #[inline(never)]
-    fn trilinear_across(&self, p: DVec3, i: [i32; 3], code: u32) -> f32 {
-        let brick = i.map(|i| i >> 3);
-        let local = i.map(|i| i & 7);
-        // Only neighbours across the faces that the cell crosses are asked for.
-        let cross = local.map(|l| (l == 7) as i32);
-        let mut codes = [code; 8];
-        for n in 1..8_usize {
-            let step = [(n >> 2 & 1) as i32 & cross[0], (n >> 1 & 1) as i32 & cross[1], (n & 1) as i32 & cross[2]];
-            let m = (step[0] << 2 | step[1] << 1 | step[2]) as usize;
-            codes[n] =
-                if m == n { self.code([brick[0] + step[0], brick[1] + step[1], brick[2] + step[2]]) } else { codes[m] };
-        }
-        let corners = self.corners_across(&codes, local);
-        let fraction = std::array::from_fn(|axis| ((p[axis] - i[axis] as f64) as f32).clamp(0.0, 1.0));
-        interpolate(&corners, fraction)
+        let corners = self.corners_across(&self.codes_near(brick).map(|code| self.place(code)), local);
+        // Far beyond the bricks a coordinate may not fit an `i32`.
+        interpolate(&corners, [0, 1, 2].map(|axis| fraction(axis).clamp(0.0, 1.0)))
     }
 
     /// Calls `visit(ta, tb, max, min)` with bounds of the density on consecutive pieces of the ray
@@ -435,30 +420,28 @@ impl BrickGrid {
         block: &Block,
         visit: &mut impl FnMut(Cell) -> ControlFlow<B>,
     ) -> ControlFlow<B> {
-        let lowest = DVec3::new((8 * block.lo[0]) as f64, (8 * block.lo[1]) as f64, (8 * block.lo[2]) as f64);
-        // Relative to the brick from here on.
-        let o = ray.origin - lowest;
-        let at = o + a * ray.direction;
+        // Positions are relative to the brick from here on: there `f32` has room for 10⁻⁶ of a voxel.
+        let o = ray.origin - DVec3::from_array(block.lo.map(|x| 8.0 * x as f64));
+        let start = o + a * ray.direction;
         let mut cell = [0; 3];
-        let mut plane_t = [f64::INFINITY; 3];
         let mut step = [0; 3];
+        let mut plane_t = [f64::INFINITY; 3];
         for axis in 0..3 {
-            cell[axis] = floor(at[axis]).clamp(0, 7);
+            cell[axis] = floor(start[axis]).clamp(0, 7);
             let d = ray.direction[axis];
             if d != 0.0 {
                 step[axis] = if d > 0.0 { 1 } else { -1 };
-                let plane = cell[axis] + (d > 0.0) as i32;
-                plane_t[axis] = (plane as f64 - o[axis]) * ray.inverse[axis];
+                plane_t[axis] = ((cell[axis] + (d > 0.0) as i32) as f64 - o[axis]) * ray.inverse[axis];
             }
         }
-        let stored = (block.code & CONSTANT == 0).then(|| &self.values[block.code as usize]);
-        let mut near: Option<[u32; 8]> = None;
+        let stored = (block.code & CONSTANT == 0).then(|| self.brick(block.code));
+        let mut near: Option<[(usize, usize); 8]> = None;
 
         let mut ta = a;
-        let mut last: Option<f32> = None;
+        let mut from = start.as_vec3();
         loop {
-            let axis = if plane_t[0] < plane_t[1] {
-                if plane_t[0] < plane_t[2] { 0 } else { 2 }
+            let axis = if plane_t[0] < plane_t[1] && plane_t[0] < plane_t[2] {
+                0
             } else if plane_t[1] < plane_t[2] {
                 1
             } else {
@@ -468,43 +451,40 @@ impl BrickGrid {
             if tb > ta {
                 let piece = if TRILINEAR {
                     let corners = match stored {
-                        Some(values) if cell[0] < 7 && cell[1] < 7 && cell[2] < 7 => corners_inside(values, cell),
+                        Some(values) if !cell.contains(&7) => corners_inside(values, cell),
                         _ => {
-                            let codes = near.get_or_insert_with(|| self.codes_near(block.lo));
-                            self.corners_across(codes, cell)
+                            let near =
+                                near.get_or_insert_with(|| self.codes_near(block.lo).map(|code| self.place(code)));
+                            self.corners_across(near, cell)
                         }
                     };
-                    let lowest = DVec3::new(cell[0] as f64, cell[1] as f64, cell[2] as f64);
-                    let fraction = |t: f64| {
-                        let p = o + t * ray.direction - lowest;
-                        [p.x as f32, p.y as f32, p.z as f32].map(|f| f.clamp(0.0, 1.0))
-                    };
-                    let (fa, fb) = (fraction(ta), fraction(tb));
-                    let mid = [0.5 * (fa[0] + fb[0]), 0.5 * (fa[1] + fb[1]), 0.5 * (fa[2] + fb[2])];
-                    // Continuous: a cell begins with what the one before it ended with.
-                    let rho_a = last.unwrap_or_else(|| interpolate(&corners, fa));
-                    let rho_b = interpolate(&corners, fb);
-                    last = Some(rho_b);
-                    Cell { ta, tb, rho_a, rho_mid: interpolate(&corners, mid), rho_b }
+                    let to = (start + (tb - a) * ray.direction).as_vec3();
+                    let lowest = Vec3::new(cell[0] as f32, cell[1] as f32, cell[2] as f32);
+                    let fa = (from - lowest).clamp(Vec3::ZERO, Vec3::ONE);
+                    let fb = (to - lowest).clamp(Vec3::ZERO, Vec3::ONE);
+                    from = to;
+                    let [rho_a, rho_mid, rho_b] = interpolate_along(&corners, fa, fb);
+                    Cell { ta, tb, rho_a, rho_mid, rho_b }
                 } else {
-                    let rho = self.brick_value(block.code, cell);
+                    let (place, mask) = self.place(block.code);
+                    let rho = self.values[place + (offset(cell) & mask)];
                     Cell { ta, tb, rho_a: rho, rho_mid: rho, rho_b: rho }
                 };
                 visit(piece)?;
                 ta = tb;
             }
             cell[axis] += step[axis];
-            // Also where rounding puts the last plane before `b`.
-            if tb >= b || !(0..8).contains(&cell[axis]) {
-                if ta < b {
-                    cell[axis] = cell[axis].clamp(0, 7);
-                    plane_t = [f64::INFINITY; 3];
-                    continue;
-                }
+            if tb >= b {
                 return ControlFlow::Continue(());
             }
-            let plane = cell[axis] + (step[axis] > 0) as i32;
-            plane_t[axis] = (plane as f64 - o[axis]) * ray.inverse[axis];
+            if cell[axis] & !7 != 0 {
+                // Rounding has put the brick's last plane before its end.
+                cell[axis] -= step[axis];
+                plane_t = [f64::INFINITY; 3];
+            } else {
+                let plane = cell[axis] + (step[axis] > 0) as i32;
+                plane_t[axis] = (plane as f64 - o[axis]) * ray.inverse[axis];
+            }
         }
     }
 
@@ -631,34 +611,61 @@ impl BrickGrid {
     }
 
     /// The entries of a brick and its upper neighbours, z fastest.
+    #[inline]
     fn codes_near(&self, brick: [i32; 3]) -> [u32; 8] {
-        std::array::from_fn(|n| {
-            self.code([brick[0] + (n >> 2 & 1) as i32, brick[1] + (n >> 1 & 1) as i32, brick[2] + (n & 1) as i32])
-        })
+        match &self.index {
+            Index::Dense { min, size, codes, .. } => {
+                // A step beyond a row's end leads to another's first entry: both layers are background.
+                let Some(n) = dense_entry(min, size, brick) else { return [BACKGROUND; 8] };
+                let (y, x) = (size[2] as usize, size[1] as usize * size[2] as usize);
+                [0, 1, y, y + 1, x, x + 1, x + y, x + y + 1]
+                    .map(|step| codes.get(n + step).map_or(BACKGROUND, |code| *code))
+            }
+            Index::Sparse { .. } => std::array::from_fn(|n| {
+                let step = [n >> 2 & 1, n >> 1 & 1, n & 1];
+                self.sparse_code(std::array::from_fn(|axis| brick[axis] + step[axis] as i32)).0
+            }),
+        }
+    }
+
+    /// Where an entry's values are, and which bits of an offset count there.
+    #[inline]
+    fn place(&self, code: u32) -> (usize, usize) {
+        if code & CONSTANT != 0 {
+            (512 * self.own_ranges.len() + (code & !CONSTANT) as usize, 0)
+        } else {
+            (512 * code as usize, 511)
+        }
+    }
+
+    #[inline]
+    fn constant(&self, code: u32) -> f32 {
+        self.values[self.place(code).0]
+    }
+
+    #[inline]
+    fn brick(&self, code: u32) -> &[f32; 512] {
+        &self.values.as_chunks().0[code as usize]
     }
 
     fn own_range(&self, code: u32) -> Range {
         if code & CONSTANT == 0 {
             return self.own_ranges[code as usize];
         }
-        let value = self.constants[(code & !CONSTANT) as usize];
+        let value = self.constant(code);
         Range { min: value, max: value }
     }
 
+    /// The corners of a cell that may reach into the brick's upper neighbours; `near` says where these are.
     #[inline]
-    fn brick_value(&self, code: u32, local: [i32; 3]) -> f32 {
-        if code & CONSTANT != 0 {
-            return self.constants[(code & !CONSTANT) as usize];
-        }
-        self.values[code as usize][offset(local)]
-    }
-
-    /// The corners of a cell that reaches into the brick's upper neighbours.
-    fn corners_across(&self, codes: &[u32; 8], cell: [i32; 3]) -> [f32; 8] {
+    fn corners_across(&self, near: &[(usize, usize); 8], cell: [i32; 3]) -> [f32; 8] {
+        let upper = cell.map(|x| (x as usize + 1) & 7);
+        let crosses = cell.map(|x| (x == 7) as usize);
         std::array::from_fn(|n| {
-            let corner = [cell[0] + (n >> 2 & 1) as i32, cell[1] + (n >> 1 & 1) as i32, cell[2] + (n & 1) as i32];
-            let neighbour = (corner[0] >> 3) << 2 | (corner[1] >> 3) << 1 | corner[2] >> 3;
-            self.brick_value(codes[neighbour as usize], corner.map(|x| x & 7))
+            let pick = |axis: usize| if n >> (2 - axis) & 1 != 0 { upper[axis] } else { cell[axis] as usize };
+            let neighbour = n & (crosses[0] << 2 | crosses[1] << 1 | crosses[2]);
+            let (place, mask) = near[neighbour];
+            self.values[place + ((pick(0) << 6 | pick(1) << 3 | pick(2)) & mask)]
         })
     }
 }
@@ -829,7 +836,7 @@ impl Builder {
         }
     }
 
-    fn finish(mut self) -> Result<BrickGrid, String> {
+    fn finish(self) -> Result<BrickGrid, String> {
         if self.bad > 0 {
             return Err(format!("{} voxels are infinite or not numbers: repair the grid", self.bad));
         }
@@ -845,15 +852,17 @@ impl Builder {
         if self.values.len() >= CONSTANT as usize || self.constants.len() >= CONSTANT as usize {
             return Err("has more than 2^31 bricks".to_string());
         }
-        self.values.shrink_to_fit();
         let own_ranges = self.values.iter().map(|values| layer_range(values, 0)).collect();
         let index = self.index();
+        let mut values = self.values.into_flattened();
+        values.reserve_exact(self.constants.len());
+        values.extend(self.constants);
+        values.shrink_to_fit();
         Ok(BrickGrid {
             background: self.background,
             interpolation: Interpolation::Trilinear,
-            values: self.values,
+            values,
             own_ranges,
-            constants: self.constants,
             index,
             occupied: self.occupied,
             active: self.active,
@@ -867,9 +876,9 @@ impl Builder {
         const PER_BRICK: u64 = 56;
         let budget = ALWAYS + PER_BRICK * self.values.len() as u64;
         let (first, last) = self.occupied.unwrap_or_default();
-        // One more below, where cells reach up into the first bricks.
+        // One more below, where cells reach up into the first bricks, and one more above for these.
         let min = first.map(|x| (x >> 3) - 1);
-        let size: [u32; 3] = std::array::from_fn(|axis| ((last[axis] >> 3) - min[axis] + 1) as u32);
+        let size: [u32; 3] = std::array::from_fn(|axis| ((last[axis] >> 3) - min[axis] + 2) as u32);
         let count = size.iter().try_fold(1_u64, |count, &n| count.checked_mul(n as u64));
         match count {
             Some(count) if count <= budget => self.dense_index(min, size, count as usize),
@@ -1008,6 +1017,21 @@ fn interpolate(corners: &[f32; 8], [x, y, z]: [f32; 3]) -> f32 {
     let low = lerp(lerp(c0, c1, z), lerp(c2, c3, z), y);
     let high = lerp(lerp(c4, c5, z), lerp(c6, c7, z), y);
     lerp(low, high, x)
+}
+
+/// The densities at `a`, halfway and at `b`, where the corners interpolate.
+#[inline]
+fn interpolate_along(corners: &[f32; 8], a: Vec3, b: Vec3) -> [f32; 3] {
+    // All three at once, one to a lane.
+    let lanes = |a: f32, b: f32| Vec4::new(a, 0.5 * (a + b), b, b);
+    let (x, y, z) = (lanes(a.x, b.x), lanes(a.y, b.y), lanes(a.z, b.z));
+    let edge = |a: f32, b: f32| Vec4::splat(a) + Vec4::splat(b - a) * z;
+    let lerp = |a: Vec4, b: Vec4, f: Vec4| a + (b - a) * f;
+    let [c0, c1, c2, c3, c4, c5, c6, c7] = *corners;
+    let low = lerp(edge(c0, c1), edge(c2, c3), y);
+    let high = lerp(edge(c4, c5), edge(c6, c7), y);
+    let [a, mid, b, _] = lerp(low, high, x).to_array();
+    [a, mid, b]
 }
 
 /// ⌊x⌋, saturated below and above what `i32` holds.
