@@ -6,6 +6,64 @@ use volpm::math::{DVec3, Stream};
 use volpm::medium::density::bricks::{BrickGrid, NegativePolicy};
 use volpm::medium::density::vdb::{File, Grid};
 
+/// Counts what the current thread holds, and the most it held.
+mod meter {
+    use std::alloc::{GlobalAlloc, Layout, System};
+    use std::cell::Cell;
+
+    thread_local! {
+        static HELD: Cell<isize> = const { Cell::new(0) };
+        static PEAK: Cell<isize> = const { Cell::new(0) };
+    }
+
+    struct Meter;
+
+    #[global_allocator]
+    static METER: Meter = Meter;
+
+    fn add(bytes: isize) {
+        // A thread that is ending has no counters left.
+        let _ = HELD.try_with(|held| {
+            held.set(held.get() + bytes);
+            let _ = PEAK.try_with(|peak| peak.set(peak.get().max(held.get())));
+        });
+    }
+
+    // SAFETY: all calls go to the system's allocator unchanged; counting allocates nothing.
+    unsafe impl GlobalAlloc for Meter {
+        unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+            add(layout.size() as isize);
+            unsafe { System.alloc(layout) }
+        }
+
+        unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
+            add(-(layout.size() as isize));
+            unsafe { System.dealloc(block, layout) }
+        }
+
+        unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+            add(layout.size() as isize);
+            unsafe { System.alloc_zeroed(layout) }
+        }
+
+        unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+            // Old and new may be there at once.
+            add(size as isize);
+            let new = unsafe { System.realloc(block, layout, size) };
+            add(-(layout.size() as isize));
+            new
+        }
+    }
+
+    /// The most that `work` holds at a time, in bytes.
+    pub fn peak<T>(work: impl FnOnce() -> T) -> (T, isize) {
+        let before = HELD.get();
+        PEAK.set(before);
+        let result = work();
+        (result, PEAK.get() - before)
+    }
+}
+
 fn data() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/vdb")
 }
@@ -231,23 +289,218 @@ fn a_second_reader_agrees() {
     assert!(agreed >= 30, "only {agreed} files");
 }
 
-/// Reads all that can be read and looks at it; errors are fine.
+/// Reads all that can be read and looks at it; errors are fine, more memory than the file is worth is not.
 fn exercise(bytes: Vec<u8>) -> bool {
-    let Ok(file) = File::parse(bytes, Path::new("mutant.vdb")) else { return false };
-    let mut sound = !file.grids().is_empty();
-    for index in 0..file.grids().len().min(4) {
-        let Ok(grid) = file.read_at(index) else {
-            sound = false;
-            continue;
+    let limit = 64 * bytes.len() + (4 << 20);
+    let (sound, peak) = meter::peak(|| {
+        let Ok(file) = File::parse(bytes, Path::new("mutant.vdb")) else { return false };
+        let mut sound = !file.grids().is_empty();
+        for index in 0..file.grids().len().min(4) {
+            let Ok(grid) = file.read_at(index) else {
+                sound = false;
+                continue;
+            };
+            grid.statistics();
+            if let Ok(bricks) = BrickGrid::from_vdb(&grid, NegativePolicy::Zero) {
+                assert!(bricks.max().is_finite());
+                assert!(bricks.trilinear(DVec3::new(3.5, 4.5, 7.5)).is_finite());
+                assert!(bricks.integral(DVec3::new(-1e3, 5.2, 4.1), DVec3::X, 0.0, 1e7).is_finite());
+            }
+        }
+        sound
+    });
+    assert!(peak < limit as isize, "{peak} bytes of memory, {limit} allowed");
+    sound
+}
+
+/// A file that is nothing but its header, up to the numbers of root tiles and nodes.
+fn headless() -> Vec<u8> {
+    // One root tile ends the file, after the two counts.
+    let mut bytes = std::fs::read(data().join("cube_roottile.vdb")).unwrap();
+    bytes.truncate(bytes.len() - 17 - 8);
+    bytes[20] = 0;
+    bytes
+}
+
+#[test]
+fn many_huge_tiles_cost_what_their_list_costs() {
+    let count = 60_000;
+    let mut bytes = headless();
+    bytes.extend((count as u32).to_le_bytes());
+    bytes.extend(0_u32.to_le_bytes());
+    for n in 0..count {
+        for x in [n % 250, n / 250, 0] {
+            bytes.extend((4096_i32 * x).to_le_bytes());
+        }
+        bytes.extend((1.0 + n as f32).to_le_bytes());
+        bytes.push(1);
+    }
+    let start = std::time::Instant::now();
+    assert!(exercise(bytes));
+    assert!(start.elapsed().as_secs() < 10, "took {:?}", start.elapsed());
+}
+
+#[test]
+fn a_node_full_of_packed_tiles_costs_no_more_than_its_values() {
+    // One node of 32768 tiles, a few hundred bytes packed besides its masks, again and again.
+    let count = 200;
+    let mut bytes = headless();
+    // The flags stand behind the tree's type, no parent and three offsets.
+    let kind = b"Tree_float_5_4_3";
+    let at = bytes.windows(kind.len()).position(|window| window == kind).unwrap();
+    let compression = at + kind.len() + 4 + 24;
+    bytes[compression..compression + 4].copy_from_slice(&1_u32.to_le_bytes());
+    bytes.extend(0_u32.to_le_bytes());
+    bytes.extend((count as u32).to_le_bytes());
+    let values: Vec<u8> = (0..32768).flat_map(|n| ((n % 7) as f32).to_le_bytes()).collect();
+    let mut packed = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::best());
+    std::io::Write::write_all(&mut packed, &values).unwrap();
+    let packed = packed.finish().unwrap();
+    for n in 0..count {
+        for x in [n, 0, 0] {
+            bytes.extend((4096_i32 * x).to_le_bytes());
+        }
+        bytes.extend([0; 4096]);
+        bytes.extend([0xff; 4096]);
+        bytes.push(6);
+        bytes.extend((packed.len() as i64).to_le_bytes());
+        bytes.extend(&packed);
+    }
+    assert!(exercise(bytes));
+}
+
+/// A file of one float grid without compression, as writers before file version 222 stored it.
+fn in_old_format(name: &str, version: u32) -> Vec<u8> {
+    let new = std::fs::read(data().join(name)).unwrap();
+    let mut old = Vec::new();
+    let mut at = 0;
+    let word = |at: usize| u32::from_le_bytes(new[at..at + 4].try_into().unwrap()) as usize;
+
+    // Header: a byte says whether the file is zipped; the compression of each grid is not said.
+    old.extend(&new[..8]);
+    old.extend(version.to_le_bytes());
+    old.extend(&new[12..20]);
+    old.push(0);
+    if version >= 220 {
+        old.push(0);
+    }
+    old.extend(&new[21..57]);
+    at += 57;
+    let mut copy = |old: &mut Vec<u8>, bytes: usize| {
+        old.extend(&new[at..at + bytes]);
+        at += bytes;
+        at
+    };
+    let copy_metadata = |old: &mut Vec<u8>, copy: &mut dyn FnMut(&mut Vec<u8>, usize) -> usize| {
+        let end = copy(old, 4);
+        for _ in 0..word(end - 4) {
+            for _ in 0..3 {
+                let end = copy(old, 4);
+                copy(old, word(end - 4));
+            }
+        }
+    };
+    copy_metadata(&mut old, &mut copy);
+    copy(&mut old, 4);
+    for _ in 0..3 {
+        let end = copy(&mut old, 4);
+        copy(&mut old, word(end - 4));
+    }
+    copy(&mut old, 24);
+    let mut skipped = Vec::new();
+    copy(&mut skipped, 4);
+    copy_metadata(&mut old, &mut copy);
+
+    // The map: matrices before version 219.
+    let mut map = Vec::new();
+    let end = copy(&mut map, 4);
+    copy(&mut map, word(end - 4));
+    copy(&mut map, 15 * 8);
+    if version >= 219 {
+        old.extend(&map);
+    } else {
+        let matrix = |diagonal: f64, translation: f64| {
+            (0..16).map(move |n| match n {
+                15 => 1.0_f64,
+                0 | 5 | 10 => diagonal,
+                12..=14 => translation,
+                _ => 0.0,
+            })
         };
-        grid.statistics();
-        if let Ok(bricks) = BrickGrid::from_vdb(&grid, NegativePolicy::Zero) {
-            assert!(bricks.max().is_finite());
-            assert!(bricks.trilinear(DVec3::new(3.5, 4.5, 7.5)).is_finite());
-            assert!(bricks.integral(DVec3::new(-1e3, 5.2, 4.1), DVec3::X, 0.0, 1e7).is_finite());
+        old.extend(15_u32.to_le_bytes());
+        old.extend(b"LinearTransform");
+        old.extend([0; 24]);
+        let [local_to_world, world_to_local] = [matrix(0.25, 5.0), matrix(4.0, -20.0)];
+        let [voxel_to_local, local_to_voxel] = [matrix(2.0, 1.0), matrix(0.5, -0.5)];
+        let all = local_to_world.chain(world_to_local).chain(voxel_to_local).chain(local_to_voxel);
+        old.extend(all.flat_map(f64::to_le_bytes));
+    }
+
+    // The tree: only values that are not children, without a byte before them. Zip was the rule before
+    // version 220; blocks with a negative length are stored as they are.
+    let length = |old: &mut Vec<u8>, values: usize| {
+        if version < 220 {
+            old.extend((-4 * values as i64).to_le_bytes());
+        }
+    };
+    copy(&mut old, 16 + 12);
+    let mut nodes = vec![1];
+    for log2 in [15, 12] {
+        let bytes = 1 << (log2 - 3);
+        let mut below = Vec::new();
+        for _ in 0..nodes.len() {
+            let end = copy(&mut old, 2 * bytes);
+            let children = &new[end - 2 * bytes..end - bytes];
+            copy(&mut skipped, 1);
+            let end = copy(&mut skipped, 4 << log2);
+            let is_child = |n: usize| children[n / 8] >> (n % 8) & 1 != 0;
+            length(&mut old, (0..1 << log2).filter(|n| !is_child(*n)).count());
+            for n in 0..1 << log2 {
+                if !is_child(n) {
+                    old.extend(&new[end - (4 << log2) + 4 * n..][..4]);
+                } else {
+                    below.push(n);
+                }
+            }
+        }
+        nodes = below;
+    }
+    copy(&mut old, 64 * nodes.len());
+    for _ in &nodes {
+        copy(&mut old, 64);
+        old.extend([0; 12]);
+        // A second buffer, which nobody reads.
+        old.push(2);
+        copy(&mut skipped, 1);
+        length(&mut old, 512);
+        let end = copy(&mut old, 2048);
+        length(&mut old, 512);
+        old.extend(&new[end - 2048..end]);
+    }
+    assert_eq!(copy(&mut skipped, 0), new.len());
+    old
+}
+
+#[test]
+fn old_file_versions_hold_the_same_voxels() {
+    for name in ["ramp_float_none.vdb", "mask_float_none.vdb"] {
+        let expected = open(name).read("density").unwrap();
+        for version in [218, 219, 220, 221] {
+            let file = File::parse(in_old_format(name, version), Path::new("old.vdb")).unwrap();
+            let grid = file.read("density").unwrap();
+            assert_eq!(grid.statistics(), expected.statistics(), "{name} {version}");
+            assert!(
+                grid.leaves.iter().zip(&expected.leaves).all(|(a, b)| a.origin == b.origin && a.values == b.values)
+            );
+            if version >= 219 {
+                assert_eq!(grid.index_to_world, expected.index_to_world);
+            } else {
+                // 2 p + 1, then 0.25 p + 5.
+                let world = grid.index_to_world.transform_point3(DVec3::new(1.0, 2.0, 3.0));
+                assert_eq!(world, DVec3::new(5.75, 6.25, 6.75));
+            }
         }
     }
-    sound
 }
 
 #[test]

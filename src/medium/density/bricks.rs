@@ -113,14 +113,18 @@ enum Index {
         /// The least and greatest value of each entry's voxels and apron.
         ranges: Vec<Range>,
     },
-    Sparse {
-        /// Sorted by coordinates, which count cubes of 512³ bricks.
-        roots: Vec<([i32; 3], u32)>,
-        /// Nodes of 32³ entries of 16³ bricks each.
-        upper: Vec<Box<[u32]>>,
-        /// Nodes of 16³ entries of one brick each.
-        lower: Vec<Box<[u32]>>,
-    },
+    Sparse(SparseIndex),
+}
+
+/// The levels of an OpenVDB tree.
+#[derive(Clone, Default)]
+struct SparseIndex {
+    /// Sorted by coordinates, which count cubes of 512³ bricks.
+    roots: Vec<([i32; 3], u32)>,
+    /// Nodes of 32³ entries of 16³ bricks each.
+    upper: Vec<Box<[u32]>>,
+    /// Nodes of 16³ entries of one brick each.
+    lower: Vec<Box<[u32]>>,
 }
 
 /// A brick or a cube of bricks on the way of a ray.
@@ -261,8 +265,9 @@ impl BrickGrid {
     pub fn bytes(&self) -> usize {
         let index = match &self.index {
             Index::Dense { codes, ranges, .. } => size_of_val(&codes[..]) + size_of_val(&ranges[..]),
-            Index::Sparse { roots, upper, lower } => {
-                size_of_val(&roots[..]) + upper.iter().chain(lower).map(|node| size_of_val(&node[..])).sum::<usize>()
+            Index::Sparse(index) => {
+                let nodes = index.upper.iter().chain(&index.lower);
+                size_of_val(&index.roots[..]) + nodes.map(|node| size_of_val(&node[..])).sum::<usize>()
             }
         };
         index + size_of_val(&self.values[..]) + size_of_val(&self.own_ranges[..])
@@ -566,37 +571,23 @@ impl BrickGrid {
     fn code(&self, brick: [i32; 3]) -> u32 {
         match &self.index {
             Index::Dense { min, size, codes, .. } => dense_entry(min, size, brick).map_or(BACKGROUND, |n| codes[n]),
-            Index::Sparse { .. } => self.sparse_code(brick).0,
+            Index::Sparse(index) => index.find(brick).0,
         }
-    }
-
-    /// An entry of a sparse index and the size of its cube in bricks, as a power of two.
-    fn sparse_code(&self, brick: [i32; 3]) -> (u32, u32) {
-        let Index::Sparse { roots, upper, lower } = &self.index else { return (BACKGROUND, 0) };
-        let root = brick.map(|x| x >> 9);
-        let Ok(found) = roots.binary_search_by_key(&root, |root| root.0) else { return (BACKGROUND, 9) };
-        let code = roots[found].1;
-        if code & CONSTANT != 0 {
-            return (code, 9);
-        }
-        let code = upper[code as usize][upper_offset(brick)];
-        if code & CONSTANT != 0 {
-            return (code, 4);
-        }
-        (lower[code as usize][lower_offset(brick)], 0)
     }
 
     /// The brick, or the cube of equal bricks, around `brick`.
     #[inline]
     fn block(&self, brick: [i32; 3]) -> Block {
         let one = |code, range| Block { lo: brick, hi: brick.map(|x| x + 1), code, range };
-        if let Index::Dense { min, size, codes, ranges } = &self.index {
-            return match dense_entry(min, size, brick) {
-                Some(n) => one(codes[n], ranges[n]),
-                None => one(BACKGROUND, Range { min: self.background, max: self.background }),
-            };
-        }
-        let (code, log2) = self.sparse_code(brick);
+        let (code, log2) = match &self.index {
+            Index::Dense { min, size, codes, ranges } => {
+                return match dense_entry(min, size, brick) {
+                    Some(n) => one(codes[n], ranges[n]),
+                    None => one(BACKGROUND, Range { min: self.background, max: self.background }),
+                };
+            }
+            Index::Sparse(index) => index.find(brick),
+        };
         if code & CONSTANT != 0 && log2 > 0 {
             // All but the uppermost layers, whose aprons are other cubes'.
             let lo = brick.map(|x| x >> log2 << log2);
@@ -621,9 +612,9 @@ impl BrickGrid {
                 [0, 1, y, y + 1, x, x + 1, x + y, x + y + 1]
                     .map(|step| codes.get(n + step).map_or(BACKGROUND, |code| *code))
             }
-            Index::Sparse { .. } => std::array::from_fn(|n| {
+            Index::Sparse(index) => std::array::from_fn(|n| {
                 let step = [n >> 2 & 1, n >> 1 & 1, n & 1];
-                self.sparse_code(std::array::from_fn(|axis| brick[axis] + step[axis] as i32)).0
+                index.find(std::array::from_fn(|axis| brick[axis] + step[axis] as i32)).0
             }),
         }
     }
@@ -712,8 +703,8 @@ struct Builder {
     values: Vec<[f32; 512]>,
     constants: Vec<f32>,
     by_value: HashMap<u32, u32>,
-    /// Coordinates and size (as a power of two) in bricks, and what is there.
-    entries: Vec<([i32; 3], u32, u32)>,
+    roots: HashMap<[i32; 3], u32>,
+    index: SparseIndex,
     occupied: Option<([i32; 3], [i32; 3])>,
     active: Active,
     max: f32,
@@ -731,7 +722,8 @@ impl Builder {
             values: Vec::new(),
             constants: Vec::new(),
             by_value: HashMap::new(),
-            entries: Vec::new(),
+            roots: HashMap::new(),
+            index: SparseIndex::default(),
             occupied: None,
             active: Active { count: 0, sum: 0.0, min: f32::INFINITY, max: f32::NEG_INFINITY },
             max: background,
@@ -819,7 +811,7 @@ impl Builder {
             self.values.push(values);
             (self.values.len() - 1) as u32
         };
-        self.entries.push((origin.map(|x| x >> 3), 0, code));
+        self.enter(origin.map(|x| x >> 3), 0, code);
     }
 
     fn add_tile(&mut self, tile: &vdb::Tile) {
@@ -832,11 +824,11 @@ impl Builder {
         if value != self.background {
             self.occupy(tile.origin, tile.origin.map(|x| x + (tile.size - 1)));
             let code = self.constant(value);
-            self.entries.push((tile.origin.map(|x| x >> 3), tile.size.ilog2() - 3, code));
+            self.enter(tile.origin.map(|x| x >> 3), tile.size.ilog2() - 3, code);
         }
     }
 
-    fn finish(self) -> Result<BrickGrid, String> {
+    fn finish(mut self) -> Result<BrickGrid, String> {
         if self.bad > 0 {
             return Err(format!("{} voxels are infinite or not numbers: repair the grid", self.bad));
         }
@@ -853,7 +845,10 @@ impl Builder {
             return Err("has more than 2^31 bricks".to_string());
         }
         let own_ranges = self.values.iter().map(|values| layer_range(values, 0)).collect();
-        let index = self.index();
+        let mut sparse = std::mem::take(&mut self.index);
+        sparse.roots = self.roots.drain().collect();
+        sparse.roots.sort_unstable();
+        let index = self.dense_index(&sparse).unwrap_or(Index::Sparse(sparse));
         let mut values = self.values.into_flattened();
         values.reserve_exact(self.constants.len());
         values.extend(self.constants);
@@ -870,8 +865,35 @@ impl Builder {
         })
     }
 
-    fn index(&self) -> Index {
-        // A dense entry takes 12 bytes, a brick 2048: the array may cost a third of the bricks, or 1 MB.
+    /// Enters a cube of 2^`log2` bricks along an edge.
+    fn enter(&mut self, brick: [i32; 3], log2: u32, code: u32) {
+        fn node(nodes: &mut Vec<Box<[u32]>>, size: usize) -> u32 {
+            nodes.push(vec![BACKGROUND; size].into());
+            (nodes.len() - 1) as u32
+        }
+        let SparseIndex { upper, lower, .. } = &mut self.index;
+        let root = self.roots.entry(brick.map(|x| x >> 9)).or_insert(BACKGROUND);
+        if log2 == 9 {
+            *root = code;
+            return;
+        }
+        if *root & CONSTANT != 0 {
+            *root = node(upper, 1 << 15);
+        }
+        let entry = &mut upper[*root as usize][upper_offset(brick)];
+        if log2 == 4 {
+            *entry = code;
+            return;
+        }
+        if *entry & CONSTANT != 0 {
+            *entry = node(lower, 1 << 12);
+        }
+        lower[*entry as usize][lower_offset(brick)] = code;
+    }
+
+    /// A dense index in place of the sparse one, if it is not too large.
+    fn dense_index(&self, sparse: &SparseIndex) -> Option<Index> {
+        // An entry takes 12 bytes, a brick 2048: the array may cost a third of the bricks, or 1 MB.
         const ALWAYS: u64 = 1 << 16;
         const PER_BRICK: u64 = 56;
         let budget = ALWAYS + PER_BRICK * self.values.len() as u64;
@@ -879,87 +901,43 @@ impl Builder {
         // One more below, where cells reach up into the first bricks, and one more above for these.
         let min = first.map(|x| (x >> 3) - 1);
         let size: [u32; 3] = std::array::from_fn(|axis| ((last[axis] >> 3) - min[axis] + 2) as u32);
-        let count = size.iter().try_fold(1_u64, |count, &n| count.checked_mul(n as u64));
-        match count {
-            Some(count) if count <= budget => self.dense_index(min, size, count as usize),
-            _ => self.sparse_index(),
-        }
-    }
+        let count = size.iter().try_fold(1_u64, |count, &n| count.checked_mul(n as u64)).filter(|n| *n <= budget)?;
+        let brick = |n: usize, part: usize| {
+            let (y, x) = (size[2] as usize, size[1] as usize * size[2] as usize);
+            let local = [n / x + (part >> 2 & 1), n / y % size[1] as usize + (part >> 1 & 1), n % y + (part & 1)];
+            std::array::from_fn(|axis| min[axis] + local[axis] as i32)
+        };
+        let codes: Vec<u32> = (0..count as usize).map(|n| sparse.find(brick(n, 0)).0).collect();
 
-    fn dense_index(&self, min: [i32; 3], size: [u32; 3], count: usize) -> Index {
-        let mut codes = vec![BACKGROUND; count];
-        for &(brick, log2, code) in &self.entries {
-            // A cube ends within the array, since it is occupied; only its corner may be asked for.
-            let edge = 1 << log2;
-            for x in 0..edge {
-                for y in 0..edge {
-                    for z in 0..edge {
-                        if let Some(n) = dense_entry(&min, &size, [brick[0] + x, brick[1] + y, brick[2] + z]) {
-                            codes[n] = code;
-                        }
-                    }
-                }
-            }
-        }
-        // The ranges of the parts of each brick that lie in the apron of a lower neighbour.
+        // The ranges of those parts of each brick that lie in the apron of a lower neighbour.
         let parts: Vec<[Range; 8]> =
             self.values.iter().map(|values| std::array::from_fn(|part| layer_range(values, part))).collect();
-        let constant = |code: u32| self.constants[(code & !CONSTANT) as usize];
-        let ranges = (0..count)
-            .map(|n| {
-                let local = [
-                    n / (size[1] as usize * size[2] as usize),
-                    n / size[2] as usize % size[1] as usize,
-                    n % size[2] as usize,
-                ];
-                (0..8).fold(Range::NONE, |range, part| {
-                    let brick = [
-                        min[0] + (local[0] + (part >> 2 & 1)) as i32,
-                        min[1] + (local[1] + (part >> 1 & 1)) as i32,
-                        min[2] + (local[2] + (part & 1)) as i32,
-                    ];
-                    let code = dense_entry(&min, &size, brick).map_or(BACKGROUND, |n| codes[n]);
-                    range.union(if code & CONSTANT != 0 {
-                        Range { min: constant(code), max: constant(code) }
-                    } else {
-                        parts[code as usize][part]
-                    })
-                })
+        let range = |n: usize| {
+            (0..8).fold(Range::NONE, |range, part| {
+                let code = dense_entry(&min, &size, brick(n, part)).map_or(BACKGROUND, |n| codes[n]);
+                let constant = self.constants.get((code & !CONSTANT) as usize).filter(|_| code & CONSTANT != 0);
+                range.union(constant.map_or_else(|| parts[code as usize][part], |&c| Range { min: c, max: c }))
             })
-            .collect();
-        Index::Dense { min, size, codes, ranges }
-    }
-
-    fn sparse_index(&self) -> Index {
-        let mut by_place: HashMap<[i32; 3], u32> = HashMap::new();
-        let mut upper = Vec::new();
-        let mut lower = Vec::new();
-        let node = |nodes: &mut Vec<Box<[u32]>>, size: usize| {
-            nodes.push(vec![BACKGROUND; size].into());
-            (nodes.len() - 1) as u32
         };
-        for &(brick, log2, code) in &self.entries {
-            let root = by_place.entry(brick.map(|x| x >> 9)).or_insert(BACKGROUND);
-            if log2 == 9 {
-                *root = code;
-                continue;
-            }
-            if *root & CONSTANT != 0 {
-                *root = node(&mut upper, 1 << 15);
-            }
-            let entry = &mut upper[*root as usize][upper_offset(brick)];
-            if log2 == 4 {
-                *entry = code;
-                continue;
-            }
-            if *entry & CONSTANT != 0 {
-                *entry = node(&mut lower, 1 << 12);
-            }
-            lower[*entry as usize][lower_offset(brick)] = code;
+        let ranges = (0..codes.len()).map(range).collect();
+        Some(Index::Dense { min, size, codes, ranges })
+    }
+}
+
+impl SparseIndex {
+    /// The entry for a brick, and the size of the cube it stands for in bricks, as a power of two.
+    fn find(&self, brick: [i32; 3]) -> (u32, u32) {
+        let root = brick.map(|x| x >> 9);
+        let Ok(found) = self.roots.binary_search_by_key(&root, |root| root.0) else { return (BACKGROUND, 9) };
+        let code = self.roots[found].1;
+        if code & CONSTANT != 0 {
+            return (code, 9);
         }
-        let mut roots: Vec<_> = by_place.into_iter().collect();
-        roots.sort_unstable();
-        Index::Sparse { roots, upper, lower }
+        let code = self.upper[code as usize][upper_offset(brick)];
+        if code & CONSTANT != 0 {
+            return (code, 4);
+        }
+        (self.lower[code as usize][lower_offset(brick)], 0)
     }
 }
 
@@ -1116,7 +1094,7 @@ mod tests {
             }
         });
         let grid = builder.finish().unwrap();
-        assert!(matches!(grid.index, Index::Sparse { .. }) && grid.bytes() < 1 << 20);
+        assert!(matches!(grid.index, Index::Sparse(_)) && grid.bytes() < 1 << 20);
         let around = Bounds { min: DVec3::new(4080.0, -6.0, -6.0), max: DVec3::new(4106.0, 24.0, 40.0) };
         Case { name: "sparse", grid, values, around }
     }
