@@ -11,7 +11,8 @@
 
 use super::vdb;
 use crate::error::{Error, Result};
-use crate::math::{Bounds, DVec3};
+use crate::math::{Bounds, DVec3, Vec3};
+use glam::Vec4;
 use std::collections::HashMap;
 use std::ops::ControlFlow;
 
@@ -67,14 +68,14 @@ impl Cell {
 }
 
 /// Voxels in bricks.
+#[derive(Clone)]
 pub struct BrickGrid {
     background: f32,
     interpolation: Interpolation,
-    /// The values of each brick, z fastest.
-    values: Vec<[f32; 512]>,
+    /// The values of each brick, z fastest, and then the constants.
+    values: Vec<f32>,
     /// The least and greatest value of each brick.
     own_ranges: Vec<Range>,
-    constants: Vec<f32>,
     index: Index,
     /// The first and last voxel along each axis that differ from the background.
     occupied: Option<([i32; 3], [i32; 3])>,
@@ -103,6 +104,7 @@ const CONSTANT: u32 = 1 << 31;
 const BACKGROUND: u32 = CONSTANT;
 
 /// Where bricks are. Coordinates count bricks.
+#[derive(Clone)]
 enum Index {
     Dense {
         min: [i32; 3],
@@ -111,14 +113,18 @@ enum Index {
         /// The least and greatest value of each entry's voxels and apron.
         ranges: Vec<Range>,
     },
-    Sparse {
-        /// Sorted by coordinates, which count cubes of 512³ bricks.
-        roots: Vec<([i32; 3], u32)>,
-        /// Nodes of 32³ entries of 16³ bricks each.
-        upper: Vec<Box<[u32]>>,
-        /// Nodes of 16³ entries of one brick each.
-        lower: Vec<Box<[u32]>>,
-    },
+    Sparse(SparseIndex),
+}
+
+/// The levels of an OpenVDB tree.
+#[derive(Clone, Default)]
+struct SparseIndex {
+    /// Sorted by coordinates, which count cubes of 512³ bricks.
+    roots: Vec<([i32; 3], u32)>,
+    /// Nodes of 32³ entries of 16³ bricks each.
+    upper: Vec<Box<[u32]>>,
+    /// Nodes of 16³ entries of one brick each.
+    lower: Vec<Box<[u32]>>,
 }
 
 /// A brick or a cube of bricks on the way of a ray.
@@ -156,7 +162,8 @@ impl BrickGrid {
         let fail = |message: String| Error::asset(&grid.path, format!("grid {:?}: {message}", grid.name));
         if grid.class == vdb::GridClass::LevelSet {
             return Err(fail(
-                "is a level set: its values are distances to a surface, not densities; convert it to a fog volume".into(),
+                "is a level set: its values are distances to a surface, not densities; convert it to a fog volume"
+                    .into(),
             ));
         }
         let mut builder = Builder::new(grid.background, negative);
@@ -257,18 +264,19 @@ impl BrickGrid {
 
     /// How many bricks are stored.
     pub fn bricks(&self) -> usize {
-        self.values.len()
+        self.own_ranges.len()
     }
 
     /// The memory taken, in bytes.
     pub fn bytes(&self) -> usize {
         let index = match &self.index {
             Index::Dense { codes, ranges, .. } => size_of_val(&codes[..]) + size_of_val(&ranges[..]),
-            Index::Sparse { roots, upper, lower } => {
-                size_of_val(&roots[..]) + upper.iter().chain(lower).map(|node| size_of_val(&node[..])).sum::<usize>()
+            Index::Sparse(index) => {
+                let nodes = index.upper.iter().chain(&index.lower);
+                size_of_val(&index.roots[..]) + nodes.map(|node| size_of_val(&node[..])).sum::<usize>()
             }
         };
-        index + size_of_val(&self.values[..]) + size_of_val(&self.own_ranges[..]) + size_of_val(&self.constants[..])
+        index + size_of_val(&self.values[..]) + size_of_val(&self.own_ranges[..])
     }
 
     /// Where the density can differ from the background, in index space: lower faces included, upper
@@ -276,16 +284,13 @@ impl BrickGrid {
     pub fn support(&self) -> Bounds {
         let Some((lo, hi)) = self.cell_range() else { return Bounds::EMPTY };
         let shift = self.shift();
-        Bounds {
-            min: DVec3::from_array(lo.map(f64::from)) - shift,
-            max: DVec3::from_array(hi.map(f64::from)) - shift,
-        }
+        Bounds { min: DVec3::from_array(lo.map(f64::from)) - shift, max: DVec3::from_array(hi.map(f64::from)) - shift }
     }
 
     /// The value of voxel (i, j, k).
     pub fn value_at(&self, i: i32, j: i32, k: i32) -> f32 {
-        let code = self.code([i >> 3, j >> 3, k >> 3]);
-        self.brick_value(code, [i & 7, j & 7, k & 7])
+        let (place, mask) = self.place(self.code([i >> 3, j >> 3, k >> 3]));
+        self.values[place + (offset([i & 7, j & 7, k & 7]) & mask)]
     }
 
     /// The density at `p`, in index space.
@@ -309,36 +314,18 @@ impl BrickGrid {
         let i = [floor(p.x), floor(p.y), floor(p.z)];
         let brick = i.map(|i| i >> 3);
         let local = i.map(|i| i & 7);
-        let code = self.code(brick);
-        if local[0] < 7 && local[1] < 7 && local[2] < 7 {
+        let crosses = local.contains(&7);
+        let fraction = |axis: usize| (p[axis] - i[axis] as f64) as f32;
+        if !crosses {
+            let code = self.code(brick);
             if code & CONSTANT != 0 {
-                return self.constants[(code & !CONSTANT) as usize];
+                return self.constant(code);
             }
-            let fraction = [(p.x - i[0] as f64) as f32, (p.y - i[1] as f64) as f32, (p.z - i[2] as f64) as f32];
-            return interpolate(&corners_inside(&self.values[code as usize], local), fraction);
+            return interpolate(&corners_inside(self.brick(code), local), [fraction(0), fraction(1), fraction(2)]);
         }
-        self.trilinear_across(p, i, code)
-    }
-
-    #[inline(never)]
-    fn trilinear_across(&self, p: DVec3, i: [i32; 3], code: u32) -> f32 {
-        let brick = i.map(|i| i >> 3);
-        let local = i.map(|i| i & 7);
-        // Only neighbours across the faces that the cell crosses are asked for.
-        let cross = local.map(|l| (l == 7) as i32);
-        let mut codes = [code; 8];
-        for n in 1..8_usize {
-            let step = [(n >> 2 & 1) as i32 & cross[0], (n >> 1 & 1) as i32 & cross[1], (n & 1) as i32 & cross[2]];
-            let m = (step[0] << 2 | step[1] << 1 | step[2]) as usize;
-            codes[n] = if m == n {
-                self.code([brick[0] + step[0], brick[1] + step[1], brick[2] + step[2]])
-            } else {
-                codes[m]
-            };
-        }
-        let corners = self.corners_across(&codes, local);
-        let fraction = std::array::from_fn(|axis| ((p[axis] - i[axis] as f64) as f32).clamp(0.0, 1.0));
-        interpolate(&corners, fraction)
+        let corners = self.corners_across(&self.codes_near(brick).map(|code| self.place(code)), local);
+        // Far beyond the bricks a coordinate may not fit an `i32`.
+        interpolate(&corners, [0, 1, 2].map(|axis| fraction(axis).clamp(0.0, 1.0)))
     }
 
     /// Calls `visit(ta, tb, max, min)` with bounds of the density on consecutive pieces of the ray
@@ -444,30 +431,28 @@ impl BrickGrid {
         block: &Block,
         visit: &mut impl FnMut(Cell) -> ControlFlow<B>,
     ) -> ControlFlow<B> {
-        let lowest = DVec3::new((8 * block.lo[0]) as f64, (8 * block.lo[1]) as f64, (8 * block.lo[2]) as f64);
-        // Relative to the brick from here on.
-        let o = ray.origin - lowest;
-        let at = o + a * ray.direction;
+        // Positions are relative to the brick from here on: there `f32` has room for 10⁻⁶ of a voxel.
+        let o = ray.origin - DVec3::from_array(block.lo.map(|x| 8.0 * x as f64));
+        let start = o + a * ray.direction;
         let mut cell = [0; 3];
-        let mut plane_t = [f64::INFINITY; 3];
         let mut step = [0; 3];
+        let mut plane_t = [f64::INFINITY; 3];
         for axis in 0..3 {
-            cell[axis] = floor(at[axis]).clamp(0, 7);
+            cell[axis] = floor(start[axis]).clamp(0, 7);
             let d = ray.direction[axis];
             if d != 0.0 {
                 step[axis] = if d > 0.0 { 1 } else { -1 };
-                let plane = cell[axis] + (d > 0.0) as i32;
-                plane_t[axis] = (plane as f64 - o[axis]) * ray.inverse[axis];
+                plane_t[axis] = ((cell[axis] + (d > 0.0) as i32) as f64 - o[axis]) * ray.inverse[axis];
             }
         }
-        let stored = (block.code & CONSTANT == 0).then(|| &self.values[block.code as usize]);
-        let mut near: Option<[u32; 8]> = None;
+        let stored = (block.code & CONSTANT == 0).then(|| self.brick(block.code));
+        let mut near: Option<[(usize, usize); 8]> = None;
 
         let mut ta = a;
-        let mut last: Option<f32> = None;
+        let mut from = start.as_vec3();
         loop {
-            let axis = if plane_t[0] < plane_t[1] {
-                if plane_t[0] < plane_t[2] { 0 } else { 2 }
+            let axis = if plane_t[0] < plane_t[1] && plane_t[0] < plane_t[2] {
+                0
             } else if plane_t[1] < plane_t[2] {
                 1
             } else {
@@ -477,43 +462,40 @@ impl BrickGrid {
             if tb > ta {
                 let piece = if TRILINEAR {
                     let corners = match stored {
-                        Some(values) if cell[0] < 7 && cell[1] < 7 && cell[2] < 7 => corners_inside(values, cell),
+                        Some(values) if !cell.contains(&7) => corners_inside(values, cell),
                         _ => {
-                            let codes = near.get_or_insert_with(|| self.codes_near(block.lo));
-                            self.corners_across(codes, cell)
+                            let near =
+                                near.get_or_insert_with(|| self.codes_near(block.lo).map(|code| self.place(code)));
+                            self.corners_across(near, cell)
                         }
                     };
-                    let lowest = DVec3::new(cell[0] as f64, cell[1] as f64, cell[2] as f64);
-                    let fraction = |t: f64| {
-                        let p = o + t * ray.direction - lowest;
-                        [p.x as f32, p.y as f32, p.z as f32].map(|f| f.clamp(0.0, 1.0))
-                    };
-                    let (fa, fb) = (fraction(ta), fraction(tb));
-                    let mid = [0.5 * (fa[0] + fb[0]), 0.5 * (fa[1] + fb[1]), 0.5 * (fa[2] + fb[2])];
-                    // Continuous: a cell begins with what the one before it ended with.
-                    let rho_a = last.unwrap_or_else(|| interpolate(&corners, fa));
-                    let rho_b = interpolate(&corners, fb);
-                    last = Some(rho_b);
-                    Cell { ta, tb, rho_a, rho_mid: interpolate(&corners, mid), rho_b }
+                    let to = (start + (tb - a) * ray.direction).as_vec3();
+                    let lowest = Vec3::new(cell[0] as f32, cell[1] as f32, cell[2] as f32);
+                    let fa = (from - lowest).clamp(Vec3::ZERO, Vec3::ONE);
+                    let fb = (to - lowest).clamp(Vec3::ZERO, Vec3::ONE);
+                    from = to;
+                    let [rho_a, rho_mid, rho_b] = interpolate_along(&corners, fa, fb);
+                    Cell { ta, tb, rho_a, rho_mid, rho_b }
                 } else {
-                    let rho = self.brick_value(block.code, cell);
+                    let (place, mask) = self.place(block.code);
+                    let rho = self.values[place + (offset(cell) & mask)];
                     Cell { ta, tb, rho_a: rho, rho_mid: rho, rho_b: rho }
                 };
                 visit(piece)?;
                 ta = tb;
             }
             cell[axis] += step[axis];
-            // Also where rounding puts the last plane before `b`.
-            if tb >= b || !(0..8).contains(&cell[axis]) {
-                if ta < b {
-                    cell[axis] = cell[axis].clamp(0, 7);
-                    plane_t = [f64::INFINITY; 3];
-                    continue;
-                }
+            if tb >= b {
                 return ControlFlow::Continue(());
             }
-            let plane = cell[axis] + (step[axis] > 0) as i32;
-            plane_t[axis] = (plane as f64 - o[axis]) * ray.inverse[axis];
+            if cell[axis] & !7 != 0 {
+                // Rounding has put the brick's last plane before its end.
+                cell[axis] -= step[axis];
+                plane_t = [f64::INFINITY; 3];
+            } else {
+                let plane = cell[axis] + (step[axis] > 0) as i32;
+                plane_t[axis] = (plane as f64 - o[axis]) * ray.inverse[axis];
+            }
         }
     }
 
@@ -595,37 +577,23 @@ impl BrickGrid {
     fn code(&self, brick: [i32; 3]) -> u32 {
         match &self.index {
             Index::Dense { min, size, codes, .. } => dense_entry(min, size, brick).map_or(BACKGROUND, |n| codes[n]),
-            Index::Sparse { .. } => self.sparse_code(brick).0,
+            Index::Sparse(index) => index.find(brick).0,
         }
-    }
-
-    /// An entry of a sparse index and the size of its cube in bricks, as a power of two.
-    fn sparse_code(&self, brick: [i32; 3]) -> (u32, u32) {
-        let Index::Sparse { roots, upper, lower } = &self.index else { return (BACKGROUND, 0) };
-        let root = brick.map(|x| x >> 9);
-        let Ok(found) = roots.binary_search_by_key(&root, |root| root.0) else { return (BACKGROUND, 9) };
-        let code = roots[found].1;
-        if code & CONSTANT != 0 {
-            return (code, 9);
-        }
-        let code = upper[code as usize][upper_offset(brick)];
-        if code & CONSTANT != 0 {
-            return (code, 4);
-        }
-        (lower[code as usize][lower_offset(brick)], 0)
     }
 
     /// The brick, or the cube of equal bricks, around `brick`.
     #[inline]
     fn block(&self, brick: [i32; 3]) -> Block {
         let one = |code, range| Block { lo: brick, hi: brick.map(|x| x + 1), code, range };
-        if let Index::Dense { min, size, codes, ranges } = &self.index {
-            return match dense_entry(min, size, brick) {
-                Some(n) => one(codes[n], ranges[n]),
-                None => one(BACKGROUND, Range { min: self.background, max: self.background }),
-            };
-        }
-        let (code, log2) = self.sparse_code(brick);
+        let (code, log2) = match &self.index {
+            Index::Dense { min, size, codes, ranges } => {
+                return match dense_entry(min, size, brick) {
+                    Some(n) => one(codes[n], ranges[n]),
+                    None => one(BACKGROUND, Range { min: self.background, max: self.background }),
+                };
+            }
+            Index::Sparse(index) => index.find(brick),
+        };
         if code & CONSTANT != 0 && log2 > 0 {
             // All but the uppermost layers, whose aprons are other cubes'.
             let lo = brick.map(|x| x >> log2 << log2);
@@ -634,39 +602,67 @@ impl BrickGrid {
                 return Block { lo, hi, code, range: self.own_range(code) };
             }
         }
-        let range = self.codes_near(brick).into_iter().fold(Range::NONE, |range, code| range.union(self.own_range(code)));
+        let range =
+            self.codes_near(brick).into_iter().fold(Range::NONE, |range, code| range.union(self.own_range(code)));
         one(code, range)
     }
 
     /// The entries of a brick and its upper neighbours, z fastest.
+    #[inline]
     fn codes_near(&self, brick: [i32; 3]) -> [u32; 8] {
-        std::array::from_fn(|n| {
-            self.code([brick[0] + (n >> 2 & 1) as i32, brick[1] + (n >> 1 & 1) as i32, brick[2] + (n & 1) as i32])
-        })
+        match &self.index {
+            Index::Dense { min, size, codes, .. } => {
+                // A step beyond a row's end leads to another's first entry: both layers are background.
+                let Some(n) = dense_entry(min, size, brick) else { return [BACKGROUND; 8] };
+                let (y, x) = (size[2] as usize, size[1] as usize * size[2] as usize);
+                [0, 1, y, y + 1, x, x + 1, x + y, x + y + 1]
+                    .map(|step| codes.get(n + step).map_or(BACKGROUND, |code| *code))
+            }
+            Index::Sparse(index) => std::array::from_fn(|n| {
+                let step = [n >> 2 & 1, n >> 1 & 1, n & 1];
+                index.find(std::array::from_fn(|axis| brick[axis] + step[axis] as i32)).0
+            }),
+        }
+    }
+
+    /// Where an entry's values are, and which bits of an offset count there.
+    #[inline]
+    fn place(&self, code: u32) -> (usize, usize) {
+        if code & CONSTANT != 0 {
+            (512 * self.own_ranges.len() + (code & !CONSTANT) as usize, 0)
+        } else {
+            (512 * code as usize, 511)
+        }
+    }
+
+    #[inline]
+    fn constant(&self, code: u32) -> f32 {
+        self.values[self.place(code).0]
+    }
+
+    #[inline]
+    fn brick(&self, code: u32) -> &[f32; 512] {
+        &self.values.as_chunks().0[code as usize]
     }
 
     fn own_range(&self, code: u32) -> Range {
         if code & CONSTANT == 0 {
             return self.own_ranges[code as usize];
         }
-        let value = self.constants[(code & !CONSTANT) as usize];
+        let value = self.constant(code);
         Range { min: value, max: value }
     }
 
+    /// The corners of a cell that may reach into the brick's upper neighbours; `near` says where these are.
     #[inline]
-    fn brick_value(&self, code: u32, local: [i32; 3]) -> f32 {
-        if code & CONSTANT != 0 {
-            return self.constants[(code & !CONSTANT) as usize];
-        }
-        self.values[code as usize][offset(local)]
-    }
-
-    /// The corners of a cell that reaches into the brick's upper neighbours.
-    fn corners_across(&self, codes: &[u32; 8], cell: [i32; 3]) -> [f32; 8] {
+    fn corners_across(&self, near: &[(usize, usize); 8], cell: [i32; 3]) -> [f32; 8] {
+        let upper = cell.map(|x| (x as usize + 1) & 7);
+        let crosses = cell.map(|x| (x == 7) as usize);
         std::array::from_fn(|n| {
-            let corner = [cell[0] + (n >> 2 & 1) as i32, cell[1] + (n >> 1 & 1) as i32, cell[2] + (n & 1) as i32];
-            let neighbour = (corner[0] >> 3) << 2 | (corner[1] >> 3) << 1 | corner[2] >> 3;
-            self.brick_value(codes[neighbour as usize], corner.map(|x| x & 7))
+            let pick = |axis: usize| if n >> (2 - axis) & 1 != 0 { upper[axis] } else { cell[axis] as usize };
+            let neighbour = n & (crosses[0] << 2 | crosses[1] << 1 | crosses[2]);
+            let (place, mask) = near[neighbour];
+            self.values[place + ((pick(0) << 6 | pick(1) << 3 | pick(2)) & mask)]
         })
     }
 }
@@ -682,8 +678,7 @@ impl Range {
 impl IndexRay {
     fn new(origin: DVec3, direction: DVec3) -> Self {
         // So small a component that its inverse overflows moves the ray nowhere.
-        let direction =
-            DVec3::from_array(direction.to_array().map(|d| if d.recip().is_finite() { d } else { 0.0 }));
+        let direction = DVec3::from_array(direction.to_array().map(|d| if d.recip().is_finite() { d } else { 0.0 }));
         IndexRay { origin, direction, inverse: direction.recip() }
     }
 
@@ -714,8 +709,8 @@ struct Builder {
     values: Vec<[f32; 512]>,
     constants: Vec<f32>,
     by_value: HashMap<u32, u32>,
-    /// Coordinates and size (as a power of two) in bricks, and what is there.
-    entries: Vec<([i32; 3], u32, u32)>,
+    roots: HashMap<[i32; 3], u32>,
+    index: SparseIndex,
     occupied: Option<([i32; 3], [i32; 3])>,
     active: Active,
     max: f32,
@@ -733,7 +728,8 @@ impl Builder {
             values: Vec::new(),
             constants: Vec::new(),
             by_value: HashMap::new(),
-            entries: Vec::new(),
+            roots: HashMap::new(),
+            index: SparseIndex::default(),
             occupied: None,
             active: Active { count: 0, sum: 0.0, min: f32::INFINITY, max: f32::NEG_INFINITY },
             max: background,
@@ -821,7 +817,7 @@ impl Builder {
             self.values.push(values);
             (self.values.len() - 1) as u32
         };
-        self.entries.push((origin.map(|x| x >> 3), 0, code));
+        self.enter(origin.map(|x| x >> 3), 0, code);
     }
 
     fn add_tile(&mut self, tile: &vdb::Tile) {
@@ -834,7 +830,7 @@ impl Builder {
         if value != self.background {
             self.occupy(tile.origin, tile.origin.map(|x| x + (tile.size - 1)));
             let code = self.constant(value);
-            self.entries.push((tile.origin.map(|x| x >> 3), tile.size.ilog2() - 3, code));
+            self.enter(tile.origin.map(|x| x >> 3), tile.size.ilog2() - 3, code);
         }
     }
 
@@ -854,15 +850,20 @@ impl Builder {
         if self.values.len() >= CONSTANT as usize || self.constants.len() >= CONSTANT as usize {
             return Err("has more than 2^31 bricks".to_string());
         }
-        self.values.shrink_to_fit();
         let own_ranges = self.values.iter().map(|values| layer_range(values, 0)).collect();
-        let index = self.index();
+        let mut sparse = std::mem::take(&mut self.index);
+        sparse.roots = self.roots.drain().collect();
+        sparse.roots.sort_unstable();
+        let index = self.dense_index(&sparse).unwrap_or(Index::Sparse(sparse));
+        let mut values = self.values.into_flattened();
+        values.reserve_exact(self.constants.len());
+        values.extend(self.constants);
+        values.shrink_to_fit();
         Ok(BrickGrid {
             background: self.background,
             interpolation: Interpolation::Trilinear,
-            values: self.values,
+            values,
             own_ranges,
-            constants: self.constants,
             index,
             occupied: self.occupied,
             active: self.active,
@@ -870,91 +871,79 @@ impl Builder {
         })
     }
 
-    fn index(&self) -> Index {
-        // A dense entry takes 12 bytes, a brick 2048: the array may cost a third of the bricks, or 1 MB.
+    /// Enters a cube of 2^`log2` bricks along an edge.
+    fn enter(&mut self, brick: [i32; 3], log2: u32, code: u32) {
+        fn node(nodes: &mut Vec<Box<[u32]>>, size: usize) -> u32 {
+            nodes.push(vec![BACKGROUND; size].into());
+            (nodes.len() - 1) as u32
+        }
+        let SparseIndex { upper, lower, .. } = &mut self.index;
+        let root = self.roots.entry(brick.map(|x| x >> 9)).or_insert(BACKGROUND);
+        if log2 == 9 {
+            *root = code;
+            return;
+        }
+        if *root & CONSTANT != 0 {
+            *root = node(upper, 1 << 15);
+        }
+        let entry = &mut upper[*root as usize][upper_offset(brick)];
+        if log2 == 4 {
+            *entry = code;
+            return;
+        }
+        if *entry & CONSTANT != 0 {
+            *entry = node(lower, 1 << 12);
+        }
+        lower[*entry as usize][lower_offset(brick)] = code;
+    }
+
+    /// A dense index in place of the sparse one, if it is not too large.
+    fn dense_index(&self, sparse: &SparseIndex) -> Option<Index> {
+        // An entry takes 12 bytes, a brick 2048: the array may cost a third of the bricks, or 1 MB.
         const ALWAYS: u64 = 1 << 16;
         const PER_BRICK: u64 = 56;
         let budget = ALWAYS + PER_BRICK * self.values.len() as u64;
         let (first, last) = self.occupied.unwrap_or_default();
-        // One more below, where cells reach up into the first bricks.
+        // One more below, where cells reach up into the first bricks, and one more above for these.
         let min = first.map(|x| (x >> 3) - 1);
-        let size: [u32; 3] = std::array::from_fn(|axis| ((last[axis] >> 3) - min[axis] + 1) as u32);
-        let count = size.iter().try_fold(1_u64, |count, &n| count.checked_mul(n as u64));
-        match count {
-            Some(count) if count <= budget => self.dense_index(min, size, count as usize),
-            _ => self.sparse_index(),
-        }
-    }
+        let size: [u32; 3] = std::array::from_fn(|axis| ((last[axis] >> 3) - min[axis] + 2) as u32);
+        let count = size.iter().try_fold(1_u64, |count, &n| count.checked_mul(n as u64)).filter(|n| *n <= budget)?;
+        let brick = |n: usize, part: usize| {
+            let (y, x) = (size[2] as usize, size[1] as usize * size[2] as usize);
+            let local = [n / x + (part >> 2 & 1), n / y % size[1] as usize + (part >> 1 & 1), n % y + (part & 1)];
+            std::array::from_fn(|axis| min[axis] + local[axis] as i32)
+        };
+        let codes: Vec<u32> = (0..count as usize).map(|n| sparse.find(brick(n, 0)).0).collect();
 
-    fn dense_index(&self, min: [i32; 3], size: [u32; 3], count: usize) -> Index {
-        let mut codes = vec![BACKGROUND; count];
-        for &(brick, log2, code) in &self.entries {
-            // A cube ends within the array, since it is occupied; only its corner may be asked for.
-            let edge = 1 << log2;
-            for x in 0..edge {
-                for y in 0..edge {
-                    for z in 0..edge {
-                        if let Some(n) = dense_entry(&min, &size, [brick[0] + x, brick[1] + y, brick[2] + z]) {
-                            codes[n] = code;
-                        }
-                    }
-                }
-            }
-        }
-        // The ranges of the parts of each brick that lie in the apron of a lower neighbour.
+        // The ranges of those parts of each brick that lie in the apron of a lower neighbour.
         let parts: Vec<[Range; 8]> =
             self.values.iter().map(|values| std::array::from_fn(|part| layer_range(values, part))).collect();
-        let constant = |code: u32| self.constants[(code & !CONSTANT) as usize];
-        let ranges = (0..count)
-            .map(|n| {
-                let local = [n / (size[1] as usize * size[2] as usize), n / size[2] as usize % size[1] as usize, n % size[2] as usize];
-                (0..8).fold(Range::NONE, |range, part| {
-                    let brick = [
-                        min[0] + (local[0] + (part >> 2 & 1)) as i32,
-                        min[1] + (local[1] + (part >> 1 & 1)) as i32,
-                        min[2] + (local[2] + (part & 1)) as i32,
-                    ];
-                    let code = dense_entry(&min, &size, brick).map_or(BACKGROUND, |n| codes[n]);
-                    range.union(if code & CONSTANT != 0 {
-                        Range { min: constant(code), max: constant(code) }
-                    } else {
-                        parts[code as usize][part]
-                    })
-                })
+        let range = |n: usize| {
+            (0..8).fold(Range::NONE, |range, part| {
+                let code = dense_entry(&min, &size, brick(n, part)).map_or(BACKGROUND, |n| codes[n]);
+                let constant = self.constants.get((code & !CONSTANT) as usize).filter(|_| code & CONSTANT != 0);
+                range.union(constant.map_or_else(|| parts[code as usize][part], |&c| Range { min: c, max: c }))
             })
-            .collect();
-        Index::Dense { min, size, codes, ranges }
-    }
-
-    fn sparse_index(&self) -> Index {
-        let mut by_place: HashMap<[i32; 3], u32> = HashMap::new();
-        let (mut upper, mut lower): (Vec<Box<[u32]>>, Vec<Box<[u32]>>) = (Vec::new(), Vec::new());
-        let node = |nodes: &mut Vec<Box<[u32]>>, size: usize| {
-            nodes.push(vec![BACKGROUND; size].into());
-            (nodes.len() - 1) as u32
         };
-        for &(brick, log2, code) in &self.entries {
-            let root = by_place.entry(brick.map(|x| x >> 9)).or_insert(BACKGROUND);
-            if log2 == 9 {
-                *root = code;
-                continue;
-            }
-            if *root & CONSTANT != 0 {
-                *root = node(&mut upper, 1 << 15);
-            }
-            let entry = &mut upper[*root as usize][upper_offset(brick)];
-            if log2 == 4 {
-                *entry = code;
-                continue;
-            }
-            if *entry & CONSTANT != 0 {
-                *entry = node(&mut lower, 1 << 12);
-            }
-            lower[*entry as usize][lower_offset(brick)] = code;
+        let ranges = (0..codes.len()).map(range).collect();
+        Some(Index::Dense { min, size, codes, ranges })
+    }
+}
+
+impl SparseIndex {
+    /// The entry for a brick, and the size of the cube it stands for in bricks, as a power of two.
+    fn find(&self, brick: [i32; 3]) -> (u32, u32) {
+        let root = brick.map(|x| x >> 9);
+        let Ok(found) = self.roots.binary_search_by_key(&root, |root| root.0) else { return (BACKGROUND, 9) };
+        let code = self.roots[found].1;
+        if code & CONSTANT != 0 {
+            return (code, 9);
         }
-        let mut roots: Vec<_> = by_place.into_iter().collect();
-        roots.sort_unstable();
-        Index::Sparse { roots, upper, lower }
+        let code = self.upper[code as usize][upper_offset(brick)];
+        if code & CONSTANT != 0 {
+            return (code, 4);
+        }
+        (self.lower[code as usize][lower_offset(brick)], 0)
     }
 }
 
@@ -1014,9 +1003,344 @@ fn interpolate(corners: &[f32; 8], [x, y, z]: [f32; 3]) -> f32 {
     lerp(low, high, x)
 }
 
+/// The densities at `a`, halfway and at `b`, where the corners interpolate.
+#[inline]
+fn interpolate_along(corners: &[f32; 8], a: Vec3, b: Vec3) -> [f32; 3] {
+    // All three at once, one to a lane.
+    let lanes = |a: f32, b: f32| Vec4::new(a, 0.5 * (a + b), b, b);
+    let (x, y, z) = (lanes(a.x, b.x), lanes(a.y, b.y), lanes(a.z, b.z));
+    let edge = |a: f32, b: f32| Vec4::splat(a) + Vec4::splat(b - a) * z;
+    let lerp = |a: Vec4, b: Vec4, f: Vec4| a + (b - a) * f;
+    let [c0, c1, c2, c3, c4, c5, c6, c7] = *corners;
+    let low = lerp(edge(c0, c1), edge(c2, c3), y);
+    let high = lerp(edge(c4, c5), edge(c6, c7), y);
+    let [a, mid, b, _] = lerp(low, high, x).to_array();
+    [a, mid, b]
+}
+
 /// ⌊x⌋, saturated below and above what `i32` holds.
 #[inline]
 fn floor(x: f64) -> i32 {
     let truncated = x as i32;
     truncated.saturating_sub((x < truncated as f64) as i32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Stream;
+    use crate::math::random::Purpose;
+
+    type Values = Box<dyn Fn([i32; 3]) -> f32>;
+
+    struct Case {
+        name: &'static str,
+        grid: BrickGrid,
+        /// The value of any voxel.
+        values: Values,
+        /// Where to look.
+        around: Bounds,
+    }
+
+    /// Noise with holes of background and bricks of one value, so that every kind of entry meets every other.
+    fn noise(at: [i32; 3], background: f32) -> f32 {
+        let brick = at.map(|x| x >> 3);
+        let hash = |at: [i32; 3]| {
+            let mut stream =
+                Stream::new(9, Purpose::Test, (at[0] as u32 as u64) << 32 | at[1] as u32 as u64, at[2] as u32 as u64);
+            stream.uniform() as f32
+        };
+        match (hash(brick.map(|x| x + 1000)) * 4.0) as i32 {
+            0 => background,
+            1 => 0.75,
+            _ => hash(at),
+        }
+    }
+
+    fn dense(name: &'static str, origin: [i32; 3], dims: [usize; 3], background: f32) -> Case {
+        let size = dims.map(|n| n as i32);
+        let inside = move |at: [i32; 3]| (0..3).all(|axis| (0..size[axis]).contains(&(at[axis] - origin[axis])));
+        let values: Values = Box::new(move |at| if inside(at) { noise(at, background) } else { background });
+        let mut list = Vec::new();
+        for z in 0..size[2] {
+            for y in 0..size[1] {
+                for x in 0..size[0] {
+                    list.push(values([origin[0] + x, origin[1] + y, origin[2] + z]));
+                }
+            }
+        }
+        let grid = BrickGrid::from_dense(origin, dims, &list, background, NegativePolicy::Error).unwrap();
+        let min = DVec3::from_array(origin.map(f64::from));
+        let around = Bounds { min, max: min + DVec3::from_array(size.map(f64::from)) }.grown(12.0);
+        Case { name, grid, values, around }
+    }
+
+    /// Leaves and tiles of every size, behind a sparse index: a cube of 4096³ would fill 134 million
+    /// dense entries.
+    fn sparse() -> Case {
+        let mut builder = Builder::new(0.25, NegativePolicy::Error);
+        for (origin, size, value) in [([4096, 0, 0], 4096, 0.5), ([0, 0, 128], 128, 0.75), ([0, 128, 0], 8, 1.0)] {
+            builder.add_tile(&vdb::Tile { origin, size, value, active: true });
+        }
+        let leaf = |at: [i32; 3]| at[0] >> 3 == 511 && at[1] >> 4 == 0 && at[2] >> 5 == 0;
+        for (y, z) in [(0, 0), (0, 8), (0, 16), (0, 24), (8, 0), (8, 8), (8, 16), (8, 24)] {
+            let values = std::array::from_fn(|n| {
+                noise([4088 + (n >> 6) as i32, y + (n >> 3 & 7) as i32, z + (n & 7) as i32], 0.25)
+            });
+            builder.add_leaf([4088, y, z], &[u64::MAX; 8], &values);
+        }
+        let values: Values = Box::new(move |at| {
+            let within = |origin: [i32; 3], size: i32| (0..3).all(|a| (0..size).contains(&(at[a] - origin[a])));
+            match () {
+                () if within([4096, 0, 0], 4096) => 0.5,
+                () if within([0, 0, 128], 128) => 0.75,
+                () if within([0, 128, 0], 8) => 1.0,
+                () if leaf(at) => noise(at, 0.25),
+                () => 0.25,
+            }
+        });
+        let grid = builder.finish().unwrap();
+        assert!(matches!(grid.index, Index::Sparse(_)) && grid.bytes() < 1 << 20);
+        let around = Bounds { min: DVec3::new(4080.0, -6.0, -6.0), max: DVec3::new(4106.0, 24.0, 40.0) };
+        Case { name: "sparse", grid, values, around }
+    }
+
+    fn cases() -> Vec<Case> {
+        vec![
+            dense("brick", [-13, 5, -40], [37, 29, 50], 0.0),
+            dense("background", [3, -9, 0], [20, 17, 23], 0.5),
+            dense("single voxel", [7, 7, 7], [1, 1, 1], 0.0),
+            dense("line", [-2, 8, -3], [1, 1, 40], 0.0),
+            sparse(),
+        ]
+    }
+
+    fn both(case: Case) -> [Case; 2] {
+        let Case { name, grid, values, around } = case;
+        let values = std::rc::Rc::new(values);
+        let other = values.clone();
+        let copy = grid.clone();
+        [
+            Case { name, grid, values: Box::new(move |at| values(at)), around },
+            Case {
+                name,
+                grid: copy.with_interpolation(Interpolation::Nearest),
+                values: Box::new(move |at| other(at)),
+                around,
+            },
+        ]
+    }
+
+    fn point(stream: &mut Stream, bounds: &Bounds) -> DVec3 {
+        let u = DVec3::new(stream.uniform(), stream.uniform(), stream.uniform());
+        bounds.min + u * bounds.size()
+    }
+
+    /// A ray and its end: any direction, along axes, in planes of voxels and cells, through corners, never ending.
+    fn ray(stream: &mut Stream, bounds: &Bounds, kind: usize) -> (DVec3, DVec3, f64, f64) {
+        let mut origin = point(stream, bounds);
+        let mut direction = point(stream, bounds) - point(stream, bounds);
+        let axis = kind / 2 % 3;
+        match kind % 8 {
+            2 => direction = [DVec3::X, DVec3::NEG_Y, DVec3::Z][axis] * direction.length(),
+            3 => {
+                origin = origin.round();
+                direction = [DVec3::NEG_X, DVec3::Y, DVec3::NEG_Z][axis] * 0.37;
+            }
+            4 => {
+                origin = (origin / 8.0).round() * 8.0;
+                direction[axis] = 0.0;
+            }
+            5 => {
+                origin = (origin / 8.0).round() * 8.0 + 0.5;
+                direction = DVec3::new(1.0, -1.0, 1.0) * direction.x.signum();
+            }
+            6 => direction[axis] = 1e-310,
+            7 => direction[axis] = -0.0,
+            _ => {}
+        }
+        let t0 = stream.uniform() * 2.0 - 0.5;
+        let t1 = if kind % 3 == 0 { f64::INFINITY } else { t0 + 3.0 * stream.uniform() };
+        (origin, direction, t0, t1)
+    }
+
+    /// What lies between voxels, from the definition.
+    fn brute_force(case: &Case, p: DVec3) -> f64 {
+        if case.grid.interpolation == Interpolation::Nearest {
+            return (case.values)((p + 0.5).floor().to_array().map(|x| x as i32)) as f64;
+        }
+        let low = p.floor();
+        let f = p - low;
+        (0..8)
+            .map(|n| {
+                let step = [n >> 2 & 1, n >> 1 & 1, n & 1];
+                let weight: f64 = (0..3).map(|a| if step[a] == 1 { f[a] } else { 1.0 - f[a] }).product();
+                weight * (case.values)(std::array::from_fn(|a| low[a] as i32 + step[a])) as f64
+            })
+            .sum()
+    }
+
+    #[test]
+    fn densities_are_those_of_the_definition() {
+        for case in cases().into_iter().flat_map(both) {
+            let mut stream = Stream::new(1, Purpose::Test, 0, 0);
+            let support = case.grid.support();
+            for n in 0..4000 {
+                let mut p = point(&mut stream, &case.around);
+                if n % 4 == 0 {
+                    p[n / 4 % 3] = p[n / 4 % 3].round();
+                }
+                let (found, expected) = (case.grid.density(p) as f64, brute_force(&case, p));
+                assert!((found - expected).abs() < 1e-6, "{} {p}: {found} {expected}", case.name);
+                assert!(found <= case.grid.max() as f64);
+                // Beyond the support there is the background, on its upper faces too.
+                if p.cmplt(support.min).any() || p.cmpge(support.max).any() {
+                    assert_eq!(found, case.grid.background() as f64, "{} {p}", case.name);
+                }
+            }
+            for p in [DVec3::INFINITY, DVec3::NEG_INFINITY, DVec3::splat(2147483647.5), DVec3::splat(-3e9)] {
+                assert_eq!(case.grid.density(p), case.grid.background());
+            }
+        }
+    }
+
+    #[test]
+    fn the_support_is_as_small_as_it_can_be() {
+        let one = || BrickGrid::from_dense([7, -8, 0], [1, 1, 1], &[2.0], 0.0, NegativePolicy::Error).unwrap();
+        let at = DVec3::new(7.0, -8.0, 0.0);
+        assert_eq!(one().support(), Bounds { min: at - 1.0, max: at + 1.0 });
+        let nearest = one().with_interpolation(Interpolation::Nearest);
+        assert_eq!(nearest.support(), Bounds { min: at - 0.5, max: at + 0.5 });
+        assert_eq!((nearest.density(at - 0.5), nearest.density(at + DVec3::X * 0.5)), (2.0, 0.0));
+        assert!(
+            BrickGrid::from_dense([0; 3], [2, 1, 1], &[3.0; 2], 3.0, NegativePolicy::Error)
+                .unwrap()
+                .support()
+                .is_empty()
+        );
+        assert!(
+            BrickGrid::from_dense([0; 3], [0, 1, 1], &[], 0.0, NegativePolicy::Error).unwrap().support().is_empty()
+        );
+    }
+
+    #[test]
+    fn majorants_tile_the_ray_and_bound_the_density() {
+        for case in cases().into_iter().flat_map(both) {
+            let mut stream = Stream::new(2, Purpose::Test, 0, 0);
+            let (mut pieces, mut tight) = (0, 0);
+            for kind in 0..800 {
+                let (origin, direction, t0, t1) = ray(&mut stream, &case.around, kind);
+                let mut at = t0;
+                let flow = case.grid.majorants(origin, direction, t0, t1, |a, b, max, min| {
+                    assert!(a == at && b > a, "{} ray {kind}: {a}..{b} after {at}", case.name);
+                    at = b;
+                    pieces += 1;
+                    tight += (max < case.grid.max() as f64) as usize;
+                    for _ in 0..4 {
+                        let t = a + (b.min(a + 1e3) - a) * (0.001 + 0.998 * stream.uniform());
+                        let rho = case.grid.density(origin + t * direction) as f64;
+                        assert!(
+                            (min - 2e-6..=max + 2e-6).contains(&rho),
+                            "{} ray {kind}: {rho} in {min}..{max}",
+                            case.name
+                        );
+                    }
+                    ControlFlow::<()>::Continue(())
+                });
+                assert!(flow.is_continue() && at == t1, "{} ray {kind}: ends at {at}, not {t1}", case.name);
+            }
+            assert!(pieces >= 800 && tight > pieces / 4, "{}: {tight} of {pieces} are tight", case.name);
+        }
+    }
+
+    #[test]
+    fn cells_tile_the_ray_and_hold_its_densities() {
+        for case in cases().into_iter().flat_map(both) {
+            let mut stream = Stream::new(3, Purpose::Test, 0, 0);
+            for kind in 0..800 {
+                let (origin, direction, t0, t1) = ray(&mut stream, &case.around, kind);
+                let mut at = t0;
+                let flow = case.grid.walk_cells(origin, direction, t0, t1, |cell| {
+                    assert!(cell.ta == at && cell.tb > at, "{} ray {kind}: {cell:?} after {at}", case.name);
+                    at = cell.tb;
+                    // Slivers are left out: there a rounding of t may lead into the next cell.
+                    if (cell.tb - cell.ta) * direction.length() > 1e-6 {
+                        let expected = |t: f64| brute_force(&case, origin + t * direction);
+                        let (a, b) = (cell.ta, cell.tb.min(cell.ta + 1e3));
+                        let mid = 0.5 * (a + b);
+                        assert!(
+                            (cell.rho_mid as f64 - expected(mid)).abs() < 2e-6,
+                            "{} ray {kind} {cell:?}",
+                            case.name
+                        );
+                        let [ya, ym, yb] = [cell.rho_a, cell.rho_mid, cell.rho_b].map(f64::from);
+                        if case.grid.interpolation == Interpolation::Trilinear {
+                            assert!((ya - expected(a)).abs() < 2e-6 && (yb - expected(b)).abs() < 2e-6);
+                        } else {
+                            assert!(ya == ym && ym == yb);
+                        }
+                    }
+                    ControlFlow::<()>::Continue(())
+                });
+                assert!(flow.is_continue() && at == t1, "{} ray {kind}: ends at {at}, not {t1}", case.name);
+            }
+        }
+    }
+
+    #[test]
+    fn integrals_are_those_of_fine_quadrature() {
+        for case in cases().into_iter().flat_map(both) {
+            let mut stream = Stream::new(4, Purpose::Test, 0, 0);
+            for kind in 0..60 {
+                let (origin, direction, t0, t1) = ray(&mut stream, &case.around, kind);
+                let t1 = t1.min(t0 + 1.0);
+                // Midpoints: the density is Lipschitz or has a jump per cell, far below the bound.
+                let steps = 40_000;
+                let width = (t1 - t0) / steps as f64;
+                let sum: f64 = (0..steps)
+                    .map(|i| case.grid.density(origin + (t0 + (i as f64 + 0.5) * width) * direction) as f64)
+                    .sum();
+                let (found, expected) = (case.grid.integral(origin, direction, t0, t1), sum * width);
+                let jumps = if case.grid.interpolation == Interpolation::Nearest { 200.0 * width } else { 1e-6 };
+                assert!((found - expected).abs() <= jumps, "{} ray {kind}: {found} {expected}", case.name);
+            }
+        }
+    }
+
+    #[test]
+    fn integrals_add_up_exactly_where_they_are_known() {
+        // A linear ramp along x, integrated along a slanted line: a quadratic function of the ends.
+        let values: Vec<f32> = (0..30 * 30 * 30).map(|n| (n % 30) as f32).collect();
+        let grid = BrickGrid::from_dense([0; 3], [30; 3], &values, 0.0, NegativePolicy::Error).unwrap();
+        let (a, b) = (DVec3::new(0.3, 2.1, 28.0), DVec3::new(28.9, 25.7, 1.0));
+        let integral = grid.integral(a, b - a, 0.0, 1.0);
+        assert!((integral - 0.5 * (0.3 + 28.9)).abs() < 1e-5, "{integral}");
+        // A single voxel of value v holds v in total: ∫ over x at the middle.
+        let one = BrickGrid::from_dense([100, -7, 7], [1; 3], &[3.0], 0.0, NegativePolicy::Error).unwrap();
+        let integral = one.integral(DVec3::new(0.0, -7.0, 7.0), DVec3::X * 2.0, 0.0, f64::INFINITY);
+        assert!((integral - 1.5).abs() < 1e-6, "{integral}");
+    }
+
+    #[test]
+    fn voxels_far_apart_cost_no_more_than_near_ones() {
+        let mut builder = Builder::new(0.0, NegativePolicy::Error);
+        for (origin, value) in [([-5000, 3000, 20000], 1.0), ([40_000_000, 0, 0], 2.0)] {
+            let mut values = [0.0; 512];
+            values[0] = value;
+            builder.add_leaf(origin, &[1, 0, 0, 0, 0, 0, 0, 0], &values);
+        }
+        let grid = builder.finish().unwrap();
+        assert!(grid.bytes() < 400_000, "{} bytes", grid.bytes());
+        assert_eq!((grid.value_at(-5000, 3000, 20000), grid.value_at(40_000_000, 0, 0), grid.sum()), (1.0, 2.0, 3.0));
+        // From one to the other, in 10,000 steps rather than five million.
+        let mut pieces = 0;
+        let from = DVec3::new(-5000.0, 3000.0, 20000.0);
+        let _ = grid.majorants(from, DVec3::new(40_000_000.0, 0.0, 0.0) - from, 0.0, 1.0, |_, _, _, _| {
+            pieces += 1;
+            ControlFlow::<()>::Continue(())
+        });
+        assert!((3..10).contains(&pieces), "{pieces}");
+        let integral = grid.integral(from - DVec3::X * 10.0, DVec3::X, 0.0, f64::INFINITY);
+        assert!((integral - 1.0).abs() < 1e-6, "{integral}");
+    }
 }

@@ -146,7 +146,7 @@ fn unpack_blosc(frame: &[u8], out: &mut [u8], shuffled: &mut Vec<u8>) -> Parse<(
         let split =
             flags & WHOLE_BLOCKS == 0 && value_size <= 16 && block_size / value_size >= 128 && out.len() == block_size;
         let stream_size = if split { block_size / value_size } else { out.len() };
-        if split && block_size % value_size != 0 {
+        if split && !block_size.is_multiple_of(value_size) {
             return Err(format!("Blosc blocks of {block_size} bytes hold no whole number of {value_size}-byte values"));
         }
         shuffled.resize(out.len(), 0);

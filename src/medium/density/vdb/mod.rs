@@ -239,7 +239,11 @@ impl File {
             .map(|grid| {
                 let count = seen.entry(&grid.name).or_insert(0);
                 *count += 1;
-                if *count == 1 { format!("{:?}", grid.name) } else { format!("{:?}", format!("{}[{}]", grid.name, *count - 1)) }
+                if *count == 1 {
+                    format!("{:?}", grid.name)
+                } else {
+                    format!("{:?}", format!("{}[{}]", grid.name, *count - 1))
+                }
             })
             .collect();
         let names = if names.is_empty() { "none".to_string() } else { names.join(", ") };

@@ -54,7 +54,10 @@ pub(super) fn list(bytes: &[u8]) -> Parse<Listing> {
         return Err(if bytes.is_empty() {
             "is empty, not an OpenVDB file".to_string()
         } else {
-            format!("is not an OpenVDB file: it starts with the bytes {}, expected 20 42 44 56 00 00 00 00", start.join(" "))
+            format!(
+                "is not an OpenVDB file: it starts with the bytes {}, expected 20 42 44 56 00 00 00 00",
+                start.join(" ")
+            )
         });
     }
     at.take(8, "the header")?;
@@ -137,16 +140,22 @@ pub(super) fn list(bytes: &[u8]) -> Parse<Listing> {
             .copied()
             .or_else(|| grids.iter().position(|(info, _)| info.name == *parent))
             .filter(|&found| parents[found].is_empty());
-        let (name, place, background) = match found {
-            Some(found) => (grids[found].0.name.clone(), grids[found].1.clone(), grids[found].0.background),
-            None => {
-                let message = format!("shares the tree of {parent:?}, which is not in the file");
-                (parent.clone(), Place { tree: Err(message), ..grids[i].1.clone() }, None)
+        match found {
+            Some(found) => {
+                let (parent, place) = grids[found].clone();
+                let (info, own) = &mut grids[i];
+                info.background = parent.background;
+                info.active_voxels = info.active_voxels.or(parent.active_voxels);
+                info.bounds = info.bounds.or(parent.bounds);
+                info.instance_of = Some(parent.name);
+                *own = place;
             }
-        };
-        grids[i].0.instance_of = Some(name);
-        grids[i].0.background = background;
-        grids[i].1 = place;
+            None => {
+                let (info, own) = &mut grids[i];
+                own.tree = Err(format!("shares the tree of {parent:?}, which is not in the file"));
+                info.instance_of = Some(parent.clone());
+            }
+        }
     }
     Ok(Listing { version, library, metadata, grids })
 }
@@ -261,7 +270,10 @@ fn read_map(at: &mut Cursor, version: u32) -> Parse<DAffine3> {
     fn affine(matrix: DMat4) -> Parse<DAffine3> {
         let last = matrix.row(3);
         if last.to_array() != [0.0, 0.0, 0.0, 1.0] {
-            return Err(format!("its map's last column is {:?}, expected [0, 0, 0, 1] of an affine map", last.to_array()));
+            return Err(format!(
+                "its map's last column is {:?}, expected [0, 0, 0, 1] of an affine map",
+                last.to_array()
+            ));
         }
         Ok(DAffine3::from_mat4(matrix))
     }
@@ -289,9 +301,11 @@ fn read_map(at: &mut Cursor, version: u32) -> Parse<DAffine3> {
             let translation = vector(at)?;
             Ok(DAffine3::from_mat3_translation(DMat3::from_diagonal(scale(at)?), translation))
         }
-        "NonlinearFrustumMap" => Err("its voxels fill a camera's frustum (NonlinearFrustumMap); only affine maps can be \
+        "NonlinearFrustumMap" => {
+            Err("its voxels fill a camera's frustum (NonlinearFrustumMap); only affine maps can be \
                                       used: resample it to a uniform grid"
-            .to_string()),
+                .to_string())
+        }
         _ => Err(format!("unknown map {kind:?}, expected one of OpenVDB's affine maps: damaged")),
     }
 }
