@@ -39,16 +39,16 @@ impl Cylinder {
         }
     }
 
-    /// Two radii at right angles, and the axis from base to top.
-    pub(super) fn axes(&self) -> ([DVec3; 2], DVec3) {
-        ([self.radius * self.frame.x, self.radius * self.frame.y], self.height * self.frame.z)
+    /// The centre of the base, two radii at right angles, and the axis from base to top.
+    pub(super) fn axes(&self) -> (DVec3, [DVec3; 2], DVec3) {
+        (self.base, [self.radius * self.frame.x, self.radius * self.frame.y], self.height * self.frame.z)
     }
 
     pub(super) fn bounds(&self, m: &DAffine3) -> Bounds {
-        let (radii, axis) = self.axes();
+        let (base, radii, axis) = self.axes();
         let radii = radii.map(|a| m.transform_vector3(a));
         let end = |p: DVec3| bounds_about(m.transform_point3(p), &radii);
-        end(self.base).union(end(self.base + axis))
+        end(base).union(end(base + axis))
     }
 
     pub(super) fn is_closed(&self) -> bool {
@@ -153,26 +153,5 @@ impl Cylinder {
         let (share, face, z) = if share < 1.0 { (share, BASE, 0.0) } else { (share - 1.0, TOP, self.height) };
         let (x, y) = sampling::disc([share.min(1.0), v]);
         (self.base + self.frame.to_world(DVec3::new(self.radius * x, self.radius * y, z)), face)
-    }
-
-    /// The faces there are.
-    pub(super) fn faces(&self) -> &'static [u32] {
-        if self.caps { &[SIDE, BASE, TOP] } else { &[SIDE] }
-    }
-
-    /// The point of `face` closest to `p`.
-    pub(super) fn closest(&self, p: DVec3, face: u32) -> DVec3 {
-        let q = self.frame.to_local(p - self.base);
-        let on = match face {
-            SIDE => {
-                let across = q.with_z(0.0).normalize_or(DVec3::X) * self.radius;
-                across.with_z(q.z.clamp(0.0, self.height))
-            }
-            _ => {
-                let across = q.with_z(0.0).clamp_length_max(self.radius);
-                across.with_z(if face == TOP { self.height } else { 0.0 })
-            }
-        };
-        self.base + self.frame.to_world(on)
     }
 }

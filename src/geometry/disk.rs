@@ -28,9 +28,14 @@ impl Disk {
         }
     }
 
+    /// The centre and two radii at right angles.
+    pub(super) fn radii(&self) -> (DVec3, [DVec3; 2]) {
+        (self.center, [self.radius * self.frame.x, self.radius * self.frame.y])
+    }
+
     pub(super) fn bounds(&self, m: &DAffine3) -> Bounds {
-        let radii = [self.frame.x, self.frame.y].map(|a| m.transform_vector3(self.radius * a));
-        bounds_about(m.transform_point3(self.center), &radii)
+        let (center, radii) = self.radii();
+        bounds_about(m.transform_point3(center), &radii.map(|a| m.transform_vector3(a)))
     }
 
     pub(super) fn crossings(&self, ray: &Ray, visit: &mut impl FnMut(f64)) {
@@ -62,11 +67,5 @@ impl Disk {
     pub(super) fn sample(&self, u: [f64; 2]) -> DVec3 {
         let (x, y) = sampling::disc(u);
         self.center + self.radius * (x * self.frame.x + y * self.frame.y)
-    }
-
-    pub(super) fn closest(&self, p: DVec3) -> DVec3 {
-        let from = p - self.center;
-        let flat = from - from.dot(self.frame.z) * self.frame.z;
-        self.center + flat.clamp_length_max(self.radius)
     }
 }

@@ -1,4 +1,4 @@
-//! Boxes around and areas of transformed spheres and cylinders.
+//! Boxes around, areas of and closest points on transformed spheres, disks and cylinders.
 
 use crate::math::{Bounds, DMat3, DVec3};
 use std::f64::consts::{PI, TAU};
@@ -44,6 +44,68 @@ pub(super) fn circumference(u: DVec3, v: DVec3) -> f64 {
         }
     }
     TAU * large * sum / a
+}
+
+/// The point closest to `p` of the elliptic disk with conjugate radii `u` and `v`, which are equal and
+/// perpendicular if `circular`.
+pub(super) fn closest_of_disk(center: DVec3, [u, v]: [DVec3; 2], circular: bool, p: DVec3) -> DVec3 {
+    let (x, y) = coordinates(p - center, u, v);
+    let r = x.hypot(y);
+    if r <= 1.0 {
+        return center + x * u + y * v;
+    }
+    if circular {
+        return center + (x * u + y * v) / r;
+    }
+    closest_of_turn(p, |c, s| center + c * u + s * v)
+}
+
+/// The point closest to `p` of the side of a cylinder, a base with radii as above swept along `axis`,
+/// which is perpendicular to them if `circular`.
+pub(super) fn closest_of_side(base: DVec3, [u, v]: [DVec3; 2], axis: DVec3, circular: bool, p: DVec3) -> DVec3 {
+    let on_line = |c: f64, s: f64| {
+        let start = base + c * u + s * v;
+        start + ((p - start).dot(axis) / axis.length_squared()).clamp(0.0, 1.0) * axis
+    };
+    if circular {
+        let (x, y) = ((p - base).dot(u), (p - base).dot(v));
+        let r = x.hypot(y);
+        return if r > 0.0 { on_line(x / r, y / r) } else { on_line(1.0, 0.0) };
+    }
+    closest_of_turn(p, on_line)
+}
+
+/// How many `u` and `v` add up to the foot of `d` on their plane.
+fn coordinates(d: DVec3, u: DVec3, v: DVec3) -> (f64, f64) {
+    let (uu, uv, vv) = (u.dot(u), u.dot(v), v.dot(v));
+    let (du, dv) = (d.dot(u), d.dot(v));
+    let det = uu * vv - uv * uv;
+    ((vv * du - uv * dv) / det, (uu * dv - uv * du) / det)
+}
+
+/// The point closest to `p` of a closed curve over cosine and sine of the turn: the best of some places,
+/// refined by golden sections (Kiefer 1953).
+fn closest_of_turn(p: DVec3, curve: impl Fn(f64, f64) -> DVec3) -> DVec3 {
+    const PLACES: u32 = 64;
+    const GOLDEN: f64 = 0.618_033_988_749_894_8;
+    let at = |turn: f64| {
+        let (s, c) = turn.sin_cos();
+        curve(c, s)
+    };
+    let distance = |turn: f64| at(turn).distance_squared(p);
+    let width = TAU / f64::from(PLACES);
+    let start =
+        (0..PLACES).map(|i| f64::from(i) * width).min_by(|a, b| distance(*a).total_cmp(&distance(*b))).unwrap_or(0.0);
+    let (mut low, mut high) = (start - width, start + width);
+    for _ in 0..48 {
+        let (a, b) = (high - GOLDEN * (high - low), low + GOLDEN * (high - low));
+        if distance(a) < distance(b) {
+            high = b;
+        } else {
+            low = a;
+        }
+    }
+    at(0.5 * (low + high))
 }
 
 /// Carlson's R_G, arguments not negative (DLMF 19.21.10), by duplication.
@@ -121,4 +183,34 @@ fn eigenvalues(s: &DMat3) -> [f64; 3] {
         }
     }
     [a[0][0], a[1][1], a[2][2]]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn areas_match_closed_forms() {
+        let turn = DMat3::from_axis_angle(DVec3::new(1.0, 2.0, -2.0) / 3.0, 1.1);
+        for a in [1e-3, 0.3, 0.999_999, 1.0, 1.5, 40.0] {
+            let m = 7.0 * turn * DMat3::from_diagonal(DVec3::new(1.0, a, 1.0)) * turn;
+            // Spheroids with semi-axes 1, 1, a.
+            let e2: f64 = 1.0 - a * a;
+            let expected = if a == 1.0 {
+                4.0 * PI
+            } else if a < 1.0 {
+                TAU * (1.0 + a * a / e2.sqrt() * e2.sqrt().atanh())
+            } else {
+                let e = (1.0 - 1.0 / (a * a)).sqrt();
+                TAU * (1.0 + a / e * e.asin())
+            };
+            assert!((area(&m) / (49.0 * expected) - 1.0).abs() < 1e-10, "{a}: {}", area(&m) / 49.0);
+            // An ellipse as the integral of its speed: the trapezoidal rule converges exponentially.
+            let (u, v) = (turn * DVec3::X + turn * DVec3::Y * 0.3, turn * DVec3::Y * a);
+            let n = if a < 0.1 { 100_000 } else { 2000 };
+            let speed = |i| (TAU * i as f64 / n as f64).sin_cos();
+            let sum: f64 = (0..n).map(speed).map(|(s, c)| (c * v - s * u).length()).sum();
+            assert!((circumference(u, v) * n as f64 / (TAU * sum) - 1.0).abs() < 1e-9);
+        }
+    }
 }

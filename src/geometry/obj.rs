@@ -250,3 +250,142 @@ fn triangulate(outline: &[DVec3], out: &mut Vec<[usize; 3]>) -> Result<(), Strin
     out.push([rest[0], rest[1], rest[2]]);
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Cluster, Geometry, Placed, Shape};
+    use crate::math::{DAffine3, Ray};
+    use std::sync::Arc;
+
+    fn load(bytes: &[u8], smooth: bool) -> Result<Mesh> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a mesh – ünïcode.obj");
+        fs::write(&path, bytes).unwrap();
+        Mesh::load(&path, smooth)
+    }
+
+    /// A unit cube of quads, one by negative indices, one over two lines, wound inward, with seams:
+    /// every face has its own copy of the first vertex.
+    const CUBE: &str = "# cube\nmtllib missing.mtl\no cube\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0 1 0.5 0.5 0.5\n\
+        v 0 0 1\nv 1 0 1\nv 0 1 1\nv 1 1 1\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl x\ns 1\n\
+        f 1/1 2/2 4/3 3/4\nf 5/1 7/2 8/3 6/4\nv -0 0 0\nf 9/1 5/2 6/3 \\\n2/4\nv 0 0 0\nf 10 3 7 5\n\
+        f -9/-4 -5/-3 -3/-2 -7/-1\nf 3/1 4/2 8/3 7/4 # end\nl 1 2\np 1\n";
+
+    #[test]
+    fn a_cube_of_quads_is_closed_and_faces_out() {
+        let mesh = load(CUBE.as_bytes(), false).unwrap();
+        assert_eq!(mesh.triangle_count(), 12);
+        assert!(mesh.is_closed());
+        assert!((mesh.area() - 6.0).abs() < 1e-12 && (mesh.volume().unwrap() - 1.0).abs() < 1e-12);
+        let geometry = Geometry::new(vec![Placed::new(Shape::Mesh(Arc::new(mesh)), DAffine3::IDENTITY).unwrap()]);
+        let mut cluster = Cluster::default();
+        for axis in DVec3::AXES {
+            let ray = Ray::new(DVec3::new(0.4, 0.3, 0.2) - 5.0 * axis, axis);
+            assert!(geometry.intersect(&ray, 0.0, 10.0, &mut cluster));
+            assert_eq!(cluster.nearest().unwrap().normal, -axis);
+        }
+        assert!(geometry.contains(0, DVec3::splat(0.5)) && !geometry.contains(0, DVec3::new(0.5, 0.5, 1.1)));
+        // One face less.
+        let open = load(CUBE.replace("f 10 3 7 5\n", "").as_bytes(), false).unwrap();
+        assert!(!open.is_closed() && open.volume().is_none() && open.triangle_count() == 10);
+    }
+
+    #[test]
+    fn smooth_normals_are_the_files_or_the_mean() {
+        // ---- a roof: the ridge's mean points up, the file's normal wins
+        let roof = "v -1 0 0\nv 0 1 0\nv 0 1 1\nv -1 0 1\nv 1 0 0\nv 1 0 1\nvn 0 0 -7\n";
+        let plain = format!("{roof}f 1 4 3 2\nf 2 3 6 5\n");
+        let named = format!("{roof}f 1//1 4//1 3//1 2//1\nf 2 3 6 5\n");
+        let look = |text: &str, smooth: bool| {
+            let mesh = Shape::Mesh(Arc::new(load(text.as_bytes(), smooth).unwrap()));
+            let geometry = Geometry::new(vec![Placed::new(mesh, DAffine3::IDENTITY).unwrap()]);
+            let mut cluster = Cluster::default();
+            assert!(geometry.intersect(&Ray::new(DVec3::new(-1e-9, 5.0, 0.5), DVec3::NEG_Y), 0.0, 9.0, &mut cluster));
+            let hit = *cluster.nearest().unwrap();
+            assert!(hit.normal.distance(DVec3::new(-1.0, 1.0, 0.0).normalize()) < 1e-6, "counter-clockwise is out");
+            hit.shading_normal
+        };
+        assert!(look(&plain, true).distance(DVec3::Y) < 1e-6);
+        assert!(look(&plain, false).distance(DVec3::new(-1.0, 1.0, 0.0).normalize()) < 1e-6);
+        assert!(look(&named, true).distance(DVec3::NEG_Z) < 1e-6);
+    }
+
+    #[test]
+    fn concave_polygons_keep_their_outline() {
+        // ---- a comb in a tilted plane, both ways round
+        let mut outline: Vec<DVec2> = vec![DVec2::new(0.0, -1.0), DVec2::new(9.0, -1.0)];
+        for i in (0..9).rev() {
+            outline.push(DVec2::new(f64::from(i) + 1.0, 0.0));
+            outline.push(DVec2::new(f64::from(i) + 0.5, 2.0));
+        }
+        outline.push(DVec2::ZERO);
+        let twice: f64 = (0..outline.len()).map(|i| outline[i].perp_dot(outline[(i + 1) % outline.len()])).sum();
+        for turned in [false, true] {
+            for plane in 0..3 {
+                let mut text = String::new();
+                for p in &outline {
+                    let mut v = [p.x, p.y, 0.0];
+                    v.rotate_right(plane);
+                    text += &format!("v {} {} {}\n", v[0], v[1], v[2]);
+                }
+                let order: Vec<String> = (1..=outline.len()).map(|i| i.to_string()).collect();
+                let order = if turned { order.into_iter().rev().collect() } else { order };
+                text += &format!("f {}\n", order.join(" "));
+                let mesh = load(text.as_bytes(), false).unwrap();
+                assert!((mesh.area() - 0.5 * twice).abs() < 1e-9, "{} {}", mesh.area(), 0.5 * twice);
+                let mut normal = [0.0, 0.0, if turned { -1.0 } else { 1.0 }];
+                normal.rotate_right(plane);
+                for i in 0..mesh.triangle_count() as u32 {
+                    assert!(mesh.normal(i).distance(DVec3::from_array(normal)) < 1e-9);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn malformed_files_are_named_with_their_line() {
+        let square = "v 0 0 0\nv 1 0 0\nv 1 1 0\n";
+        for (tail, expected) in [
+            ("f 1 2 4\n", "line 4: a face names vertex 4, but the file has 3"),
+            ("f 1 2 -4\n", "line 4: `-4` in a face"),
+            ("f 1/1 2/1 3/1\n", "line 4: a face names texture coordinate 1, but the file has 0"),
+            ("f 1//9223372036854775807 2 3\n", "line 4: `1//9223372036854775807`"),
+            ("f 1 2 -9223372036854775808\n", "line 4: `-9223372036854775808`"),
+            ("f 1 2 0\n", "line 4: `0` in a face"),
+            ("f 1 2\n", "line 4: a face with fewer than three corners"),
+            ("f 1 2 x\n", "line 4: `x` in a face"),
+            ("f 1/1/1/1 2 3\n", "line 4: `1/1/1/1`"),
+            ("f /1 2 3\n", "line 4: `/1`"),
+            ("v 1 nan 2\nf 1 2 3\n", "line 4: `nan` in `v`: expected a finite number"),
+            ("v 1 1e99 2\nf 1 2 3\n", "line 4: `1e99` in `v`: expected a finite number"),
+            ("v 1 2\nf 1 2 3\n", "line 4: `v` with 2 numbers: expected 3"),
+            ("", "no faces"),
+            ("f 1 1 2\n", "without any triangle that has an area"),
+        ] {
+            let error = load(format!("{square}{tail}").as_bytes(), true).unwrap_err();
+            assert!(error.to_string().contains(expected), "{error}");
+            assert!(matches!(error, Error::Asset { .. }));
+        }
+        let error = load(b"v 0 0 0\nv \xff", true).unwrap_err();
+        assert!(error.to_string().contains("line 2: not UTF-8"), "{error}");
+        let folder = tempfile::tempdir().unwrap();
+        assert!(matches!(Mesh::load(folder.path(), true), Err(Error::Asset { .. })));
+        assert!(matches!(Mesh::load(&folder.path().join("no.obj"), true), Err(Error::Asset { .. })));
+        // ---- the cube with bytes overwritten: a mesh or an error
+        const BYTES: &[u8] = b"0123456789/-. ef\nv#\\\xff";
+        let mut stream = crate::math::Stream::new(3, crate::math::random::Purpose::Test, 0, 0);
+        for _ in 0..2000 {
+            let mut bytes = CUBE.as_bytes().to_vec();
+            for _ in 0..3 {
+                let at = (stream.uniform() * bytes.len() as f64) as usize;
+                bytes[at] = BYTES[(stream.uniform() * BYTES.len() as f64) as usize];
+            }
+            if let Ok(text) = std::str::from_utf8(&bytes)
+                && let Ok(parts) = parse(text)
+            {
+                let _ = Mesh::from_parts(parts, true);
+            }
+        }
+    }
+}

@@ -1,4 +1,4 @@
-use super::{Cuboid, Cylinder, Disk, Mesh, Quad, Sphere, ellipsoid};
+use super::{Cuboid, Cylinder, Disk, Mesh, Quad, Sphere, cylinder, ellipsoid};
 use crate::math::{Bounds, DAffine3, DMat3, DVec3, Ray};
 use crate::{Error, Result};
 use std::sync::Arc;
@@ -44,10 +44,14 @@ pub(super) struct Surface {
     pub uv: [f64; 2],
 }
 
-/// A flat face in the world: a corner and two edges.
+/// A flat face in the world.
 enum Face {
+    /// A corner and two edges.
     Parallelogram([DVec3; 3]),
+    /// Three corners.
     Triangle([DVec3; 3]),
+    /// Centre, two conjugate radii, and whether it is a circle.
+    Ellipse(DVec3, [DVec3; 2], bool),
 }
 
 impl Placed {
@@ -237,7 +241,7 @@ impl Placed {
             (Shape::Quad(q), _) => q.area() * self.area_ratio(self.normal_to_world(q.normal())),
             (Shape::Disk(d), _) => d.area() * self.area_ratio(self.normal_to_world(d.normal())),
             (Shape::Cylinder(c), _) => {
-                let ([u, v], axis) = c.axes();
+                let (_, [u, v], axis) = c.axes();
                 let [u, v, axis] = [u, v, axis].map(|a| *m * a);
                 let cap = if c.is_closed() { std::f64::consts::PI * u.cross(v).length() } else { 0.0 };
                 // The side's area element is |axis × (u cos φ + v sin φ)| dφ: the rim of an ellipse.
@@ -328,44 +332,65 @@ impl Placed {
                     flat(i, Face::Triangle(triangle), self.normal_to_world(mesh.normal(i)));
                 });
             }
-            Shape::Sphere(s) => self.round_face(p, radius, 0, |q| s.closest(q), visit),
-            Shape::Disk(d) => self.round_face(p, radius, 0, |q| d.closest(q), visit),
+            Shape::Sphere(s) => {
+                let on = self.closest_of_sphere(s, p);
+                let normal = self.normal_to_world(s.normal(self.to_local.transform_point3(on)));
+                if on.distance_squared(p) <= radius * radius {
+                    visit(0, on, normal);
+                }
+            }
+            Shape::Disk(d) => {
+                let (center, radii) = d.radii();
+                let radii = radii.map(|a| m.transform_vector3(a));
+                let face = Face::Ellipse(m.transform_point3(center), radii, self.similarity.is_some());
+                flat(0, face, self.normal_to_world(d.normal()));
+            }
             Shape::Cylinder(c) => {
-                for &face in c.faces() {
-                    self.round_face(p, radius, face, |q| c.closest(q, face), visit);
+                let (base, radii, axis) = c.axes();
+                let (radii, axis) = (radii.map(|a| m.transform_vector3(a)), m.transform_vector3(axis));
+                let (base, circular) = (m.transform_point3(base), self.similarity.is_some());
+                if c.is_closed() {
+                    for (primitive, center) in [(cylinder::BASE, base), (cylinder::TOP, base + axis)] {
+                        let normal = self.normal_to_world(c.normal(p, primitive));
+                        flat(primitive, Face::Ellipse(center, radii, circular), normal);
+                    }
+                }
+                let on = ellipsoid::closest_of_side(base, radii, axis, circular, p);
+                let normal = self.normal_to_world(c.normal(self.to_local.transform_point3(on), cylinder::SIDE));
+                if on.distance_squared(p) <= radius * radius {
+                    visit(cylinder::SIDE, on, normal);
                 }
             }
         }
     }
 
-    /// `closest` finds the point in object space. That is the closest in the world, too, under a
-    /// similarity; otherwise it is improved by stepping to the foot on the tangent plane as long as
-    /// that comes closer.
-    fn round_face(
-        &self,
-        p: DVec3,
-        radius: f64,
-        primitive: u32,
-        closest: impl Fn(DVec3) -> DVec3,
-        visit: &mut impl FnMut(u32, DVec3, DVec3),
-    ) {
-        let mut local = closest(self.to_local.transform_point3(p));
+    /// The image of the closest point in object space is the closest in the world, too, under a
+    /// similarity. Otherwise steps along the tangent plane towards the foot on it, shortened where they
+    /// do not come closer, end where the way to `p` is perpendicular.
+    fn closest_of_sphere(&self, s: &Sphere, p: DVec3) -> DVec3 {
+        let mut local = s.closest(self.to_local.transform_point3(p));
         let mut on = self.to_world.transform_point3(local);
-        if self.similarity.is_none() {
-            for _ in 0..32 {
-                let n = self.normal_to_world(self.local_normal(local, primitive));
-                let foot = p - n.dot(p - on) * n;
-                let next_local = closest(self.to_local.transform_point3(foot));
-                let next = self.to_world.transform_point3(next_local);
-                if next.distance_squared(p) >= on.distance_squared(p) {
-                    break;
-                }
+        if self.similarity.is_some() {
+            return on;
+        }
+        let mut step = 1.0;
+        for _ in 0..256 {
+            let n = self.normal_to_world(s.normal(local));
+            let across = (p - on) - n.dot(p - on) * n;
+            let next_local = s.closest(self.to_local.transform_point3(on + step * across));
+            let next = self.to_world.transform_point3(next_local);
+            let closer = on.distance_squared(p) - next.distance_squared(p);
+            if closer > 0.0 {
                 (local, on) = (next_local, next);
             }
+            if closer <= 1e-12 * on.distance_squared(p) {
+                step *= 0.5;
+            }
+            if step < 1e-6 {
+                break;
+            }
         }
-        if on.distance_squared(p) <= radius * radius {
-            visit(primitive, on, self.normal_to_world(self.local_normal(local, primitive)));
-        }
+        on
     }
 }
 
@@ -387,6 +412,7 @@ impl Face {
         let (o, u, v, parallelogram) = match *self {
             Face::Parallelogram([o, u, v]) => (o, u, v, true),
             Face::Triangle([a, b, c]) => (a, b - a, c - a, false),
+            Face::Ellipse(center, radii, circular) => return ellipsoid::closest_of_disk(center, radii, circular, p),
         };
         // ---- the foot on the plane, if it is in the face
         let (d, uu, uv, vv) = (p - o, u.dot(u), u.dot(v), v.dot(v));
