@@ -87,6 +87,7 @@ impl DepthTable {
     #[inline(always)]
     pub fn depth_at(&self, t: f64) -> f64 {
         let Some(first) = self.pieces.first() else { return 0.0 };
+        let t = t.min(f64::MAX);
         let from_start = (t - first.start).max(0.0);
         let bucket = ((from_start * self.buckets_per_length) as usize).min(self.buckets.len() - 1);
         let mut index = self.buckets[bucket] as usize;
@@ -96,8 +97,7 @@ impl DepthTable {
         let piece = &self.pieces[index];
         let [c0, c1, c2, c3] = piece.coefficients;
         let x = (t - piece.start).max(0.0);
-        // A constant piece holds at infinity too.
-        if c1 == 0.0 && c2 == 0.0 && c3 == 0.0 { c0 } else { c0 + x * (c1 + x * (c2 + x * c3)) }
+        c0 + x * (c1 + x * (c2 + x * c3))
     }
 
     /// D at the last knot: the whole table's depth.

@@ -20,7 +20,7 @@ const PARALLEL_BLOCKS: usize = 512;
 const LEVELS: u32 = 4;
 
 /// Sixteen subtrees: their bounds, and where they are.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 #[repr(C, align(64))]
 pub(crate) struct Node {
     /// Centres of spheres around the discs, in any orientation.
@@ -29,7 +29,7 @@ pub(crate) struct Node {
     pub radius: Row,
     /// Lowest corners of boxes around the discs, in any orientation.
     pub min: [Row; 3],
-    /// Highest corners; below the lowest for a child that does not exist.
+    /// Highest corners; both are ∞ for a child that does not exist.
     pub max: [Row; 3],
     /// Indices of nodes, or of blocks with [`LEAF`] set.
     pub children: [u32; LANES],
@@ -40,7 +40,7 @@ impl Node {
         center: [Row([0.0; LANES]); 3],
         radius: Row([f32::NEG_INFINITY; LANES]),
         min: [Row([f32::INFINITY; LANES]); 3],
-        max: [Row([f32::NEG_INFINITY; LANES]); 3],
+        max: [Row([f32::INFINITY; LANES]); 3],
         children: [0; LANES],
     };
 

@@ -80,7 +80,7 @@ pub struct Radii {
 }
 
 /// Sixteen photons. Lanes without one lie at infinity and have no power.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 #[repr(C, align(64))]
 pub(crate) struct Block {
     pub position: [Row; 3],
@@ -101,7 +101,7 @@ impl Block {
 }
 
 /// At most one wall for each photon of a block; lanes without one have `distance` ∞.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 #[repr(C, align(64))]
 pub(crate) struct WallLayer {
     pub normal: [Row; 3],
@@ -437,4 +437,115 @@ fn walls_of(
         walls.extend(part);
     }
     (starts, walls)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::random::{Purpose, Stream};
+
+    /// `count` photons, a third of them close to one place and some at exactly one place.
+    fn uneven(count: usize) -> Vec<Photon> {
+        let mut stream = Stream::new(5, Purpose::Test, count as u64, 0);
+        (0..count)
+            .map(|i| {
+                let x = Vec3::from_array([0; 3].map(|_| stream.uniform() as f32));
+                Photon {
+                    position: match i % 12 {
+                        0 => Vec3::splat(0.25),
+                        1..4 => 0.7 + 0.01 * x,
+                        _ => x * Vec3::new(3.0, 1.0, 2.0),
+                    },
+                    direction: Vec3::Z,
+                    power: Vec3::ONE,
+                    events: (i % 7) as u8,
+                }
+            })
+            .collect()
+    }
+
+    fn no_walls(_: Vec3, _: f32, _: &mut SmallVec<[Plane; 3]>) {}
+
+    #[test]
+    fn nearest_distances_equal_those_of_a_search_through_all() {
+        for (count, m) in [(2, 1), (3, 2), (16, 5), (17, 16), (40, 23), (500, 1), (3000, 23), (3000, 700)] {
+            let (blocks, _) = ordered(&uneven(count), false);
+            let (nodes, _) = discs::build(&blocks, count, None);
+            let at = |i: usize| blocks[i / LANES].position.each_ref().map(|row| f64::from(row.0[i % LANES]));
+            let all: Vec<[f64; 3]> = (0..count).map(at).collect();
+            for isa in Isa::available() {
+                let squared = radii::nearest(isa, &blocks, count, &nodes, m);
+                for i in (0..count).step_by(1 + count / 300) {
+                    let to = |x: &[f64; 3]| (0..3).map(|k| (x[k] - all[i][k]).powi(2)).sum::<f64>();
+                    let mut distances: Vec<f64> = all.iter().map(to).collect();
+                    distances.sort_by(f64::total_cmp);
+                    let (got, expected) = (f64::from(squared[i]), distances[m]);
+                    assert!((got - expected).abs() <= 1e-6 * expected, "{isa:?} {count} {m}: {got} {expected}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn radii_follow_the_neighbours_between_their_bounds() {
+        let variable = |neighbours, pilot, max_radius| Radius::Variable { neighbours, pilot, max_radius };
+        let build = |count, radius| PhotonMap::build(uneven(count), &MapSettings::new(radius), &no_walls).radii();
+        // Two photons, their distance d, n = 8: r = 2d.
+        let pair = uneven(2);
+        let d = pair[0].position.distance(pair[1].position);
+        let radii = build(2, variable(8, 23, 100.0));
+        assert!((radii.min - 2.0 * d).abs() < 1e-6 * d && radii.min == radii.max, "{radii:?} {d}");
+        // One photon, and none.
+        assert_eq!(build(1, variable(500, 23, 0.3)), Radii { min: 0.3, mean: 0.3, max: 0.3 });
+        assert_eq!(build(0, variable(500, 23, 0.3)), Radii::default());
+        // Some at one place, others too far apart.
+        let radii = build(3000, variable(500, 23, 0.3));
+        assert!(radii.min >= 0.3e-6 && radii.min < 1e-5 && radii.max == 0.3, "{radii:?}");
+        // Everything scales, the cap included.
+        let half = MapSettings { scale: 0.5, ..MapSettings::new(variable(500, 23, 0.3)) };
+        let halved = PhotonMap::build(uneven(3000), &half, &no_walls).radii();
+        assert!((halved.mean - 0.5 * radii.mean).abs() < 1e-6 && halved.max == 0.15, "{halved:?}");
+    }
+
+    #[test]
+    fn a_map_is_the_same_for_any_number_of_threads() {
+        let settings = MapSettings {
+            tagged: true,
+            ..MapSettings::new(Radius::Variable { neighbours: 50, pilot: 8, max_radius: 0.2 })
+        };
+        let floor = |x: Vec3, r: f32, planes: &mut SmallVec<[Plane; 3]>| {
+            if x.z < 2.0 * r {
+                planes.push(Plane { normal: Vec3::Z, distance: x.z });
+            }
+        };
+        let build = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| PhotonMap::build(uneven(30_000), &settings, &floor))
+        };
+        let one = build(1);
+        assert!(!one.walls.is_empty());
+        for threads in [2, 5] {
+            let other = build(threads);
+            assert!(one.blocks == other.blocks && one.nodes == other.nodes && one.events == other.events);
+            assert!(one.walls == other.walls && one.wall_starts == other.wall_starts && one.radii == other.radii);
+        }
+    }
+
+    #[test]
+    fn a_photon_takes_at_most_64_bytes() {
+        for count in [1000, 20_000, 65_536] {
+            let settings = MapSettings { tagged: true, ..MapSettings::new(Radius::Fixed(0.1)) };
+            let map = PhotonMap::build(uneven(count), &settings, &no_walls);
+            assert!(map.bytes() <= 64 * count, "{} bytes for {count}", map.bytes());
+        }
+    }
+
+    #[test]
+    fn photons_that_are_not_finite_are_left_out_and_counted() {
+        let mut photons = uneven(100);
+        photons[7].position.y = f32::NAN;
+        photons[8].power.x = f32::INFINITY;
+        let map = PhotonMap::build(photons, &MapSettings::new(Radius::Fixed(0.1)), &no_walls);
+        assert_eq!((map.len(), map.rejected()), (98, 2));
+    }
 }

@@ -1,0 +1,165 @@
+//! Speed of the photon map: building it, and beam queries in nanoseconds per gathered photon and
+//! per ray, by kind of medium. One thread for queries. `cargo bench --bench beam`; a number after
+//! `--` sets how many photons (default 1 000 000).
+//!
+//! Even: photons spread over a cube five wide. Beams: six narrow cones inside of a larger box.
+//! Camera: rays of neighbouring pixels one after the other. Anyhow: rays between random points.
+
+use glam::{DVec3, Vec3};
+use std::time::Instant;
+use volpm::gather::{BeamQuery, DepthTable, GatherStats, Lobe, PhaseLanes};
+use volpm::math::random::{Purpose, Stream};
+use volpm::math::{Frame, Ray, sampling};
+use volpm::photon::{MapSettings, Photon, PhotonMap, Radius};
+
+const SIGMA: f32 = 0.4;
+
+fn photon(position: DVec3, direction: DVec3, stream: &mut Stream) -> Photon {
+    let power = Vec3::from_array([0; 3].map(|_| stream.uniform() as f32));
+    Photon { position: position.as_vec3(), direction: direction.as_vec3(), power, events: (4.0 * power.x) as u8 }
+}
+
+fn even(count: usize) -> Vec<Photon> {
+    let mut stream = Stream::new(1, Purpose::Test, 0, 0);
+    let mut one = || {
+        let x = DVec3::from_array([0; 3].map(|_| 5.0 * stream.uniform() - 2.5));
+        let d = sampling::sphere(stream.uniform2());
+        photon(x, d, &mut stream)
+    };
+    (0..count).map(|_| one()).collect()
+}
+
+fn beams(count: usize) -> Vec<Photon> {
+    let mut stream = Stream::new(2, Purpose::Test, 0, 0);
+    let mut one = |i: usize| {
+        let k = (i % 6) as f64;
+        let axis = DVec3::new(0.1 * (2.5 - k), if i % 2 == 0 { -0.3 } else { 0.3 }, -1.0).normalize();
+        let start = DVec3::new(3.0 * k - 7.5, if i % 2 == 0 { 1.5 } else { -1.5 }, 4.5);
+        let d = Frame::around(axis).to_world(sampling::cone(0.022, stream.uniform2()));
+        photon(start + d * (0.3 + 8.7 * stream.uniform()), d, &mut stream)
+    };
+    (0..count).map(|i| one(i)).collect()
+}
+
+/// Rays of a pinhole camera, four a pixel, from a few tiles of the picture.
+fn camera(from: DVec3, to: DVec3, rays: usize) -> Vec<Ray> {
+    let mut stream = Stream::new(3, Purpose::Test, 0, 0);
+    let frame = Frame::around((to - from).normalize());
+    let tiles = rays.div_ceil(256);
+    let mut all = Vec::new();
+    for tile in 0..tiles {
+        let place = (tile as f64 + 0.5) / tiles as f64;
+        let corner = [1.6 * place - 0.8, 1.6 * (place * 7.0).fract() - 0.8];
+        for i in 0..256 {
+            let (pixel, [a, b]) = (i / 4, stream.uniform2());
+            let x = 0.4 * (corner[0] + ((pixel % 8) as f64 + a) / 128.0);
+            let y = 0.4 * (corner[1] + ((pixel / 8) as f64 + b) / 128.0);
+            all.push(Ray::new(from, (frame.z + x * frame.x + y * frame.y).normalize()));
+        }
+    }
+    all
+}
+
+fn anyhow(rays: usize) -> Vec<Ray> {
+    let mut stream = Stream::new(4, Purpose::Test, 0, 0);
+    let mut point = || DVec3::from_array([0; 3].map(|_| 5.0 * stream.uniform() - 2.5));
+    let mut one = || {
+        let from = point();
+        Ray::new(from, (point() - from).normalize())
+    };
+    (0..rays).map(|_| one()).collect()
+}
+
+fn measure(name: &str, map: &PhotonMap, rays: &[Ray], template: &BeamQuery) {
+    let mut best = f64::INFINITY;
+    let mut stats = GatherStats::default();
+    for _ in 0..5 {
+        stats = GatherStats::default();
+        let mut sum = 0.0;
+        let start = Instant::now();
+        for ray in rays {
+            let query = BeamQuery { origin: ray.origin, direction: ray.direction, ..*template };
+            sum += map.gather(&query, &mut stats).total[1];
+        }
+        std::hint::black_box(sum);
+        best = best.min(start.elapsed().as_secs_f64());
+    }
+    let of = |x: u64| x as f64 / rays.len() as f64;
+    println!(
+        "  {name:34} {:7.2} ns/photon {:9.0} ns/ray   {:6.0} photons, {:5.0} blocks, {:4.0} nodes a ray; {:.1} tested a hit",
+        best * 1e9 / stats.photons.max(1) as f64,
+        best * 1e9 / rays.len() as f64,
+        of(stats.photons),
+        of(stats.blocks),
+        of(stats.nodes),
+        16.0 * stats.blocks as f64 / stats.photons.max(1) as f64,
+    );
+}
+
+fn build(name: &str, photons: &[Photon], radius: Radius) -> PhotonMap {
+    let mut best = f64::INFINITY;
+    let mut map = None;
+    let settings = MapSettings::new(radius);
+    for _ in 0..3 {
+        let photons = photons.to_vec();
+        let start = Instant::now();
+        map = Some(PhotonMap::build(photons, &settings, &|_: Vec3, _: f32, _: &mut _| ()));
+        best = best.min(start.elapsed().as_secs_f64());
+    }
+    let map = map.unwrap();
+    println!(
+        "{name}: {} photons, {:?}, {:.1} bytes a photon; built in {:.3} s by {} threads",
+        map.len(),
+        map.radii(),
+        map.bytes() as f64 / map.len() as f64,
+        best,
+        rayon::current_num_threads(),
+    );
+    map
+}
+
+fn main() {
+    let count = std::env::args().skip(1).find_map(|a| a.parse().ok()).unwrap_or(1_000_000);
+    let phases = [
+        ("isotropic", PhaseLanes::new(Lobe::Isotropic)),
+        ("Henyey-Greenstein 0.75", PhaseLanes::new(Lobe::HenyeyGreenstein(0.75))),
+        ("Schlick 0.7", PhaseLanes::new(Lobe::Schlick(0.7))),
+        ("Rayleigh", PhaseLanes::new(Lobe::Rayleigh)),
+        ("Henyey-Greenstein 0.95", PhaseLanes::new(Lobe::HenyeyGreenstein(0.95))),
+    ];
+    let mut table = DepthTable::new();
+    for i in 0..=100 {
+        table.push(0.2 * f64::from(i), 0.2 * f64::from(i), 1.0);
+    }
+    table.finish();
+    let query = |phase| BeamQuery {
+        origin: DVec3::ZERO,
+        direction: DVec3::Z,
+        length: f32::INFINITY,
+        phase,
+        extinction: Vec3::splat(SIGMA),
+        depth: None,
+        max_events: 255,
+    };
+
+    let photons = even(count);
+    let variable = Radius::Variable { neighbours: 500, pilot: 23, max_radius: 1.0 };
+    let map = build("even, variable", &photons, variable);
+    let rays = camera(DVec3::new(1.0, 2.0, -9.0), DVec3::ZERO, 1024);
+    for (name, phase) in &phases {
+        measure(&format!("camera, {name}"), &map, &rays, &query(phase));
+    }
+    let plain = query(&phases[1].1);
+    measure("camera, coloured", &map, &rays, &BeamQuery { extinction: Vec3::new(0.2, 0.4, 0.6), ..plain });
+    measure("camera, tabulated", &map, &rays, &BeamQuery { depth: Some(&table), ..plain });
+    measure("anyhow", &map, &anyhow(2000), &plain);
+
+    for radius in [0.02, 0.04, 0.06, 0.1] {
+        let map = build("even, fixed", &photons, Radius::Fixed(radius));
+        measure("camera", &map, &rays, &plain);
+        measure("anyhow", &map, &anyhow(4000), &plain);
+    }
+
+    let map = build("beams, variable", &beams(count), variable);
+    measure("camera", &map, &camera(DVec3::new(1.0, -17.0, 1.0), DVec3::ZERO, 4096), &plain);
+}
