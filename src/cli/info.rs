@@ -117,7 +117,14 @@ fn vdb_facts(path: &Path) -> Result<Value> {
             Err(error) => add("values", json!(error.to_string())),
         }
         for (key, value) in &info.metadata {
-            facts["metadata"][key] = json!(value.to_string());
+            facts["metadata"][key] = match value {
+                vdb::MetaValue::Text(text) | vdb::MetaValue::Other(text) => json!(text),
+                vdb::MetaValue::Bool(value) => json!(value),
+                vdb::MetaValue::Int(value) => json!(value),
+                vdb::MetaValue::Float(value) => json!(value),
+                vdb::MetaValue::Vec3i(value) => json!(value),
+                vdb::MetaValue::Vec3(value) => json!(value),
+            };
         }
         grids.push(facts);
     }

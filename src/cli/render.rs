@@ -171,7 +171,7 @@ fn picture(description: &Description, rendering: &Rendering, total: f64) -> Pict
         layers: rendering.film.layers(),
         attributes: vec![
             ("scene".to_string(), text(&description.path.display().to_string())),
-            ("software".to_string(), text(concat!("volpm ", env!("CARGO_PKG_VERSION")))),
+            ("renderer".to_string(), text(concat!("volpm ", env!("CARGO_PKG_VERSION")))),
             ("method".to_string(), text(method_name(description.render.method))),
             ("seed".to_string(), text(&description.render.seed.to_string())),
             ("samples".to_string(), Attribute::Number(rendering.stats.samples as f64)),
