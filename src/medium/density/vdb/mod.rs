@@ -10,7 +10,7 @@
 //! panic, root tiles and the background are dropped, grids of other types come back empty, and a
 //! damaged length aborts the process. It serves the tests as a second opinion on the files it reads.
 //!
-//! No file makes this reader panic, loop or allocate more than some thirty times the file's size: lengths are
+//! No file makes this reader panic, loop or allocate more than some tens of times the file's size: lengths are
 //! checked against the bytes that are left, the size of unpacked blocks is known beforehand, and tiles
 //! stay tiles however large. There are no checksums in the format: a flipped bit in a value goes unseen.
 
