@@ -10,7 +10,7 @@
 //! panic, root tiles and the background are dropped, grids of other types come back empty, and a
 //! damaged length aborts the process. It serves the tests as a second opinion on the files it reads.
 //!
-//! No file makes this reader panic, loop or allocate more than some thirty times the file's size: lengths are
+//! No file makes this reader panic, loop or allocate more than some tens of times the file's size: lengths are
 //! checked against the bytes that are left, the size of unpacked blocks is known beforehand, and tiles
 //! stay tiles however large. There are no checksums in the format: a flipped bit in a value goes unseen.
 
@@ -47,8 +47,8 @@ pub struct GridInfo {
     pub half: bool,
     /// How blocks are stored.
     pub compression: Compression,
-    /// The name of the grid whose tree this one shares.
-    pub instance_of: Option<String>,
+    /// The index of the grid whose tree this one shares.
+    pub instance_of: Option<usize>,
     /// The value outside all nodes; `None` for other types than float.
     pub background: Option<f32>,
     /// How many voxels are active, by the file's own account.
@@ -232,21 +232,22 @@ impl File {
         {
             return Ok(index);
         }
+        // A damaged file may list very many.
+        const LISTED: usize = 100;
         let mut seen = std::collections::HashMap::new();
-        let names: Vec<String> = self
-            .grids
-            .iter()
-            .map(|grid| {
-                let count = seen.entry(&grid.name).or_insert(0);
-                *count += 1;
-                if *count == 1 {
-                    format!("{:?}", grid.name)
-                } else {
-                    format!("{:?}", format!("{}[{}]", grid.name, *count - 1))
-                }
-            })
-            .collect();
-        let names = if names.is_empty() { "none".to_string() } else { names.join(", ") };
+        let mut names = Vec::new();
+        for grid in self.grids.iter().take(LISTED) {
+            let count = seen.entry(&grid.name).or_insert(0);
+            names.push(if *count == 0 { format!("{:?}", grid.name) } else { format!("\"{}[{count}]\"", grid.name) });
+            *count += 1;
+        }
+        if names.is_empty() {
+            names.push("none".to_string());
+        }
+        if self.grids.len() > LISTED {
+            names.push(format!("and {} more", self.grids.len() - LISTED));
+        }
+        let names = names.join(", ");
         Err(Error::asset(&self.path, format!("holds no grid {name:?}; its grids are: {names}")))
     }
 

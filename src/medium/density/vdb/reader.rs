@@ -24,7 +24,6 @@ pub(super) struct Listing {
 }
 
 /// Where a grid's tree is stored.
-#[derive(Clone)]
 pub(super) struct Place {
     /// The offset of the tree, or why it is not known.
     tree: Parse<usize>,
@@ -64,7 +63,8 @@ pub(super) fn list(bytes: &[u8]) -> Parse<Listing> {
     let version = at.u32("the header")?;
     if !(218..=224).contains(&version) {
         return Err(format!(
-            "OpenVDB file format {version} is not supported, only 218 to 224 (OpenVDB 2 to 12): save it again with such a version"
+            "OpenVDB file format {version} is not supported, only 218 to 224: save it again with another \
+             version of OpenVDB"
         ));
     }
     let library = (at.u32("the header")?, at.u32("the header")?);
@@ -83,7 +83,7 @@ pub(super) fn list(bytes: &[u8]) -> Parse<Listing> {
     let mut grids = Vec::new();
     for number in 1..=count {
         let unique_name = at.string("a grid's name")?;
-        let name = unique_name.split('\u{1e}').next().unwrap_or_default().to_string();
+        let name = plain_name(&unique_name).to_string();
         let named = |message: String| format!("grid {name:?}: {message}");
         let stored_type = at.string("a grid's type")?;
         let parent = at.string("a grid's instance parent")?;
@@ -131,33 +131,34 @@ pub(super) fn list(bytes: &[u8]) -> Parse<Listing> {
         grids.push((info, Place { end, ..place }));
     }
 
-    // Instances.
-    let by_name: std::collections::HashMap<&str, usize> =
-        unique_names.iter().enumerate().rev().map(|(i, name)| (name.as_str(), i)).collect();
+    // Instances: their parents go by the unique name, or by the plain one.
+    let mut by_name = std::collections::HashMap::new();
+    for (i, name) in unique_names.iter().enumerate().filter(|(i, _)| parents[*i].is_empty()) {
+        by_name.entry(name.as_str()).or_insert(i);
+        by_name.entry(plain_name(name)).or_insert(i);
+    }
     for (i, parent) in parents.iter().enumerate().filter(|(_, parent)| !parent.is_empty()) {
-        let found = by_name
-            .get(parent.as_str())
-            .copied()
-            .or_else(|| grids.iter().position(|(info, _)| info.name == *parent))
-            .filter(|&found| parents[found].is_empty());
-        match found {
-            Some(found) => {
-                let (parent, place) = grids[found].clone();
-                let (info, own) = &mut grids[i];
-                info.background = parent.background;
-                info.active_voxels = info.active_voxels.or(parent.active_voxels);
-                info.bounds = info.bounds.or(parent.bounds);
-                info.instance_of = Some(parent.name);
-                *own = place;
-            }
-            None => {
-                let (info, own) = &mut grids[i];
-                own.tree = Err(format!("shares the tree of {parent:?}, which is not in the file"));
-                info.instance_of = Some(parent.clone());
-            }
-        }
+        let Some(&found) = by_name.get(parent.as_str()) else {
+            grids[i].1.tree = Err(format!("shares the tree of {parent:?}, which is not in the file"));
+            continue;
+        };
+        let (head, place) = &grids[found];
+        let (background, active_voxels, bounds) = (head.background, head.active_voxels, head.bounds);
+        let tree = place.tree.as_ref().map_err(|_| "shares its tree with a grid whose map cannot be read".to_string());
+        let place = Place { tree: tree.copied(), ..*place };
+        let (info, own) = &mut grids[i];
+        info.instance_of = Some(found);
+        info.background = background;
+        info.active_voxels = info.active_voxels.or(active_voxels);
+        info.bounds = info.bounds.or(bounds);
+        *own = place;
     }
     Ok(Listing { version, library, metadata, grids })
+}
+
+/// A name without the suffix that tells grids of one name apart.
+fn plain_name(unique: &str) -> &str {
+    unique.split('\u{1e}').next().unwrap_or_default()
 }
 
 /// Reads what stands before a grid's tree.
