@@ -1,4 +1,6 @@
 //! One file for each promise.
 
+mod support;
+
 mod scene_files;
 mod vdb;
