@@ -2,6 +2,7 @@
 
 mod support;
 
+mod beam_against_path;
 mod closed_forms;
 mod determinism;
 mod references;

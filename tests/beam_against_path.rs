@@ -1,0 +1,313 @@
+//! Photons and path tracing agree on small scenes that between them have every kind of light, medium and boundary;
+//! what photons are off by falls as there are more of them.
+
+use crate::support::{Checks, Estimate};
+
+/// A scene, and what it takes to measure it.
+struct Case {
+    text: &'static str,
+    /// Photons of the smaller of two maps; the larger holds 16 times as many.
+    photons: u32,
+    /// Camera samples a pixel by path tracing, for each of the seeds.
+    samples: u32,
+    /// The bias of the larger map, as a share of the mean.
+    bias: f64,
+}
+
+const FILM: &str = "[film]\nwidth = 12\nheight = 12\nlayers = false\n";
+
+impl Case {
+    #[track_caller]
+    fn check(&self) {
+        let mut checks = Checks::default();
+        let text = format!("{FILM}{}", self.text);
+        let samples = format!("render.samples={}", self.samples);
+        let exact = Estimate::of(32, &text, &["render.method=path", &samples]);
+        let photons = |count: u32, seeds: u32| {
+            let count = format!("photons.volume={count}");
+            Estimate::of(seeds, &text, &["render.method=photon", "render.samples=2", &count])
+        };
+        checks.agree("few photons", &photons(self.photons, 32), &exact, 0.003, self.bias);
+        checks.agree("many photons", &photons(16 * self.photons, 8), &exact, 0.003, self.bias);
+        checks.finish();
+    }
+}
+
+/// Ball, backward, coloured 1 : 20, point light.
+#[test]
+fn backward_ball() {
+    Case {
+    text: r#"
+[camera]
+position = [0, 0.5, 4]
+target = [0, 0, 0]
+fov = 22
+[media.fog]
+sigma_t = [0.2, 1, 4]
+albedo = [0.9, 0.8, 0.95]
+phase = { type = "hg", g = -0.5 }
+[[shapes]]
+type = "sphere"
+center = [0, 0, 0]
+radius = 1
+interior = "fog"
+[[lights]]
+type = "point"
+position = [1.5, 1.5, 1]
+intensity = [3, 2, 1]
+"#,
+    photons: 20_000,
+    samples: 100,
+    bias: 0.01,
+    }.check();
+}
+
+/// Camera inside, walls, forward 0.9, spot with a size.
+#[test]
+fn room_with_a_spot() {
+    Case {
+    text: r#"
+[camera]
+position = [0, 1, 1.8]
+target = [0, 0.9, -1]
+fov = 60
+[world]
+medium = "fog"
+[media.fog]
+sigma_s = [0.3, 0.5, 0.8]
+sigma_a = 0.05
+phase = { type = "hg", g = 0.9 }
+[materials.wall]
+type = "lambert"
+reflectance = [0.7, 0.6, 0.5]
+[[shapes]]
+type = "box"
+min = [-2, 0, -2]
+max = [2, 2.5, 2]
+material = "wall"
+[[lights]]
+type = "spot"
+position = [-1.2, 2.2, -0.5]
+target = [1, 0.3, 0]
+intensity = 10
+inner_angle = 15
+outer_angle = 25
+radius = 0.1
+"#,
+    photons: 20_000,
+    samples: 100,
+    bias: 0.01,
+    }.check();
+}
+
+/// Voxels, forward, sun with an angle.
+#[test]
+fn voxels_in_the_sun() {
+    Case {
+    text: r#"
+[camera]
+position = [0.3, 0.4, 3.5]
+target = [0, -0.1, 0]
+fov = 20
+[media.smoke]
+sigma_t = [4, 6, 8]
+albedo = 0.9
+density = { type = "vdb", file = "reference/smoke_grid/smoke_grid_64.vdb", grid = "density" }
+phase = { type = "hg", g = 0.5 }
+[[shapes]]
+type = "box"
+min = [-1, -1, -1]
+max = [1, 1, 1]
+interior = "smoke"
+[[lights]]
+type = "directional"
+direction = [-1, -2, -0.5]
+irradiance = 3
+angle = 8
+"#,
+    photons: 20_000,
+    samples: 100,
+    bias: 0.01,
+    }.check();
+}
+
+/// Voxels of a ball, Schlick, environment image.
+#[test]
+fn voxels_under_a_window() {
+    Case {
+    text: r#"
+[camera]
+position = [4, 3, 7]
+target = [4, 3, 3]
+fov = 25
+[media.fog]
+sigma_t = 4
+albedo = [0.99, 0.9, 0.7]
+density = { type = "vdb", file = "vdb/fog_sphere.vdb", grid = "density" }
+phase = { type = "schlick", k = 0.6 }
+[[shapes]]
+type = "box"
+min = [2.5, 1.5, 1.5]
+max = [5.5, 4.5, 4.5]
+interior = "fog"
+[[lights]]
+type = "environment"
+file = "beam/window.hdr"
+rotate = 40
+"#,
+    photons: 20_000,
+    samples: 100,
+    bias: 0.01,
+    }.check();
+}
+
+/// Side by side, 100 and 20 per unit, even sky.
+#[test]
+fn side_by_side() {
+    Case {
+    text: r#"
+[camera]
+position = [0, 0, 1]
+target = [0, 0, 0]
+fov = 8
+[media.milk]
+sigma_t = 100
+albedo = [0.99, 0.9, 0.5]
+[media.tea]
+sigma_t = [20, 30, 60]
+albedo = 0.6
+phase = { type = "hg", g = 0.4 }
+[[shapes]]
+type = "box"
+min = [-0.1, -0.05, -0.05]
+max = [0, 0.05, 0.05]
+interior = "milk"
+[[shapes]]
+type = "box"
+min = [0, -0.05, -0.05]
+max = [0.1, 0.05, 0.05]
+interior = "tea"
+[[lights]]
+type = "environment"
+radiance = [1, 0.9, 0.7]
+"#,
+    photons: 20_000,
+    samples: 100,
+    bias: 0.02,
+    }.check();
+}
+
+/// Nested, camera in the outer one of 0.01 per unit, round beam.
+#[test]
+fn nested() {
+    Case {
+    text: r#"
+[camera]
+position = [0, 2, 18]
+target = [0, 0, 0]
+fov = 25
+[media.haze]
+sigma_s = [0.008, 0.01, 0.02]
+sigma_a = 0.002
+[media.cloud]
+sigma_t = 0.8
+albedo = 0.95
+phase = { type = "rayleigh" }
+[[shapes]]
+type = "box"
+min = [-20, -10, -20]
+max = [20, 10, 20]
+interior = "haze"
+[[shapes]]
+type = "sphere"
+center = [0, 0, 0]
+radius = 2
+interior = "cloud"
+[[lights]]
+type = "directional"
+direction = [1, -0.3, 0]
+irradiance = 10
+center = [-10, 3, 0]
+radius = 2.5
+"#,
+    photons: 40_000,
+    samples: 100,
+    bias: 0.01,
+    }.check();
+}
+
+/// Glass ball in fog, light through it from a sphere.
+#[test]
+fn light_through_glass() {
+    Case {
+    text: r#"
+[camera]
+position = [0, -0.3, 5]
+target = [0, -0.3, 0]
+fov = 20
+[media.fog]
+sigma_s = 0.6
+sigma_a = 0.1
+phase = { type = "hg", g = 0.3 }
+[materials.glass]
+type = "dielectric"
+ior = 1.5
+[[shapes]]
+type = "box"
+min = [-1.5, -1.5, -1.5]
+max = [1.5, 1.5, 1.5]
+interior = "fog"
+[[shapes]]
+type = "sphere"
+center = [0, 0.3, 0]
+radius = 0.5
+material = "glass"
+[[shapes]]
+type = "sphere"
+center = [0, 3.5, 0]
+radius = 0.6
+emission = { radiance = 10 }
+"#,
+    photons: 40_000,
+    samples: 100,
+    bias: 0.01,
+    }.check();
+}
+
+/// Glowing fog around a lamp, directional light without end.
+#[test]
+fn glowing_fog() {
+    Case {
+    text: r#"
+[camera]
+position = [0, 0, 5]
+target = [0, 0, 0]
+fov = 25
+[media.fog]
+sigma_t = 1.2
+albedo = [0.9, 0.6, 0.3]
+emission = { radiance = [0.1, 0.2, 0.4] }
+phase = { type = "mixture", lobes = [{ weight = 0.7, type = "hg", g = 0.6 }, { weight = 0.3, type = "isotropic" }] }
+[[shapes]]
+type = "cylinder"
+base = [0, -1, 0]
+top = [0, 1, 0]
+radius = 1
+interior = "fog"
+[[shapes]]
+type = "disk"
+center = [0.3, 0.4, 0.2]
+normal = [1, 0.5, 0.3]
+radius = 0.2
+emission = { radiance = 20, side = "both" }
+[[lights]]
+type = "directional"
+direction = [0, -1, 0.3]
+irradiance = 2
+"#,
+    photons: 20_000,
+    samples: 100,
+    bias: 0.01,
+    }.check();
+}
+
