@@ -87,8 +87,8 @@ max = [2, 2.5, 2]
 material = "wall"
 [[lights]]
 type = "spot"
-position = [-1.2, 2.2, -0.5]
-target = [1, 0.3, 0]
+position = [1.4, 2.3, 1.9]
+target = [-0.5, 0.3, -1]
 intensity = 10
 inner_angle = 15
 outer_angle = 25
@@ -280,9 +280,9 @@ fn glowing_fog() {
     Case {
     text: r#"
 [camera]
-position = [0, 0, 5]
-target = [0, 0, 0]
-fov = 25
+position = [0, -0.4, 5]
+target = [0, -0.4, 0]
+fov = 12
 [media.fog]
 sigma_t = 1.2
 albedo = [0.9, 0.6, 0.3]
@@ -296,10 +296,10 @@ radius = 1
 interior = "fog"
 [[shapes]]
 type = "disk"
-center = [0.3, 0.4, 0.2]
+center = [0.3, 0.6, 0.2]
 normal = [1, 0.5, 0.3]
-radius = 0.2
-emission = { radiance = 20, side = "both" }
+radius = 0.3
+emission = { radiance = 10, side = "both" }
 [[lights]]
 type = "directional"
 direction = [0, -1, 0.3]

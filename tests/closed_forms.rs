@@ -188,3 +188,135 @@ fn collisions_of_a_photon() {
     }
     checks.finish();
 }
+
+/// Thin fog scatters in proportion to its optical depth, however thin.
+#[test]
+fn thin_fog_is_linear_in_its_depth() {
+    let mut checks = Checks::default();
+    for method in BOTH {
+        let at = |depth: f64| {
+            let text = format!(
+                "{}[photons]\nvolume = 50_000\n[media.fog]\nsigma_s = {}\n\
+                 [[lights]]\ntype = \"point\"\nposition = [0.3, 1.5, 0]\nintensity = 1\n{}",
+                view(4, [0.0, 0.0, 4.0], [0.0; 3], [0.0, 1.0, 0.0], 20.0, method, 64),
+                0.5 * depth,
+                ball("")
+            );
+            Estimate::of(8, &text, &[]).times(1.0 / depth)
+        };
+        let thinnest = at(1e-8);
+        checks.holds(format!("{method}: {thinnest:?}"), thinnest.mean[0] > 0.0);
+        for depth in [1e-6, 1e-4] {
+            checks.agree(&format!("{method}, depth {depth}"), &at(depth), &thinnest, 0.01, 0.0);
+        }
+    }
+    checks.finish();
+}
+
+/// Light from infinity, and a ray to infinity, do not survive an endless medium; a lamp in it shines.
+#[test]
+fn a_medium_without_end() {
+    for method in BOTH {
+        let fog = "[world]\nmedium = \"fog\"\n[media.fog]\nsigma_t = 0.3\nalbedo = 0.8\n[photons]\nvolume = 20_000\n";
+        let camera = along_z(3.0, 60.0, method, 64);
+        let sun = "[[lights]]\ntype = \"directional\"\ndirection = [0, -1, 0]\nirradiance = 1\n";
+        assert_eq!(render(&format!("{camera}{fog}{SKY}{sun}"), &[]).film.image().mean(), 0.0, "{method}");
+        let lamp = "[[lights]]\ntype = \"point\"\nposition = [0, 1, 0]\nintensity = 1\n";
+        let mean = render(&format!("{camera}{fog}{SKY}{lamp}"), &[]).film.image().mean();
+        assert!(mean > 1e-3 && mean < 1.0, "{method}: {mean}");
+    }
+}
+
+/// A lit ball of fog, written in one of several ways that mean the same.
+fn lit_ball(method: &str, medium: &str, unit: f64, at: [f64; 3]) -> String {
+    let place = |x: f64, y: f64, z: f64| [at[0] + unit * x, at[1] + unit * y, at[2] + unit * z];
+    format!(
+        "{}[photons]\nvolume = 20_000\n[media.fog]\nalbedo = [0.9, 0.8, 0.5]\n{medium}\n\
+         [materials.white]\ntype = \"lambert\"\nreflectance = 0.6\n\
+         [[shapes]]\ntype = \"box\"\nmin = {:?}\nmax = {:?}\ninterior = \"fog\"\n\
+         [[shapes]]\ntype = \"quad\"\norigin = {:?}\nedge_u = {:?}\nedge_v = {:?}\nmaterial = \"white\"\n\
+         [[lights]]\ntype = \"spot\"\nposition = {:?}\ntarget = {:?}\nintensity = {}\ninner_angle = 20\nouter_angle = 40\n",
+        view(8, place(0.2, 0.4, 4.0), place(0.0, 0.0, 0.0), [0.0, 1.0, 0.0], 25.0, method, 64),
+        place(-1.0, -0.8, -0.5), place(1.0, 0.8, 0.5),
+        place(-3.0, -1.0, 3.0), [6.0 * unit, 0.0, 0.0], [0.0, 0.0, -6.0 * unit],
+        place(1.0, 2.5, 1.0), place(0.0, 0.0, 0.0),
+        10.0 * unit * unit
+    )
+}
+
+/// A grid that holds one number is a homogeneous medium; units and place do not matter.
+#[test]
+fn one_ball_in_several_words() {
+    let mut checks = Checks::default();
+    for method in BOTH {
+        let of = |medium: &str, unit: f64, at: [f64; 3]| Estimate::of(16, &lit_ball(method, medium, unit, at), &[]);
+        let sigma = |unit: f64| format!("sigma_t = [{}, {}, {}]", 0.5 / unit, 1.0 / unit, 3.0 / unit);
+        let plain = of(&sigma(1.0), 1.0, [0.0; 3]);
+        let grid = format!(
+            "{}\ndensity = {{ type = \"array\", file = \"beam/constant.npy\", min = [-1, -0.8, -0.5], max = [1, 0.8, 0.5] }}",
+            sigma(1.0)
+        );
+        checks.agree(&format!("{method}, grid"), &of(&grid, 1.0, [0.0; 3]), &plain, 0.01, 0.0);
+        for unit in [1e4, 1e-4] {
+            let found = of(&sigma(unit), unit, [0.0; 3]);
+            checks.agree(&format!("{method}, scaled by {unit}"), &found, &plain, 0.01, 0.0);
+        }
+        let far = of(&sigma(1.0), 1.0, [1e5, -1e5, 1e5]);
+        checks.agree(&format!("{method}, far from the origin"), &far, &plain, 0.01, 0.0);
+    }
+    checks.finish();
+}
+
+/// The camera knows what it is in: in one medium, in two at once, on a boundary.
+#[test]
+fn a_camera_in_a_medium() {
+    let mut checks = Checks::default();
+    for method in BOTH {
+        let samples = if method == "path" { 1 << 16 } else { 16 };
+        for (what, z, depth) in [
+            ("in the outer one", 1.5, 0.5 * 0.4 + 2.0 * 0.7 + 1.0 * 0.4),
+            ("in both", 0.5, 1.5 * 0.7 + 1.0 * 0.4),
+            ("on the boundary of the inner one", 1.0, 2.0 * 0.7 + 1.0 * 0.4),
+            ("outside", 4.0, 2.0 * 0.4 + 2.0 * 0.7),
+        ] {
+            let text = format!(
+                "{}{SKY}[media.fog]\nsigma_a = 0.7\n[media.haze]\nsigma_a = 0.4\n\
+                 [[shapes]]\ntype = \"sphere\"\ncenter = [0, 0, 0]\nradius = 2\ninterior = \"haze\"\n{}",
+                along_z(z, 0.01, method, samples),
+                ball("")
+            );
+            let found = Estimate::of(16, &text, &[]);
+            checks.agree(&format!("{method}, {what}"), &found, &Estimate::exact([f64::exp(-depth); 3]), 0.003, 0.0);
+        }
+    }
+    checks.finish();
+}
+
+/// A furnace by photons: what is missing or too much stems from discs cut by the boundary, and shrinks with them.
+#[test]
+fn a_furnace_of_lossless_solids_by_photons() {
+    let mut checks = Checks::default();
+    let media = [
+        ("thin", "sigma_s = 0.5"),
+        ("forward", "sigma_s = 4\nphase = { type = \"hg\", g = 0.8 }"),
+        ("coloured", "sigma_s = [0.1, 1, 4]"),
+        ("voxels", "sigma_s = 4\ndensity = { type = \"vdb\", file = \"reference/smoke_grid/smoke_grid_64.vdb\", grid = \"density\" }"),
+    ];
+    for (name, medium) in media {
+        for (kind, material) in [("matched", ""), ("dielectric", "material = \"glass\"")] {
+            for (place, z, expected) in [("outside", 3.0, 1.0), ("inside", 0.3, if kind == "matched" { 1.0 } else { 2.25 })] {
+                let text = format!(
+                    "{}{SKY}[media.fog]\n{medium}\n[materials.glass]\ntype = \"dielectric\"\nior = 1.5\n{}",
+                    view(4, [0.0, 0.0, z], [0.0; 3], [0.0, 1.0, 0.0], 30.0, "photon", 16),
+                    ball(material)
+                );
+                let what = format!("{name}, {kind}, {place}");
+                for (count, bias) in [(20_000, 0.03), (320_000, 0.012)] {
+                    let found = Estimate::of(8, &text, &[&format!("photons.volume={count}")]);
+                    checks.agree(&format!("{what}, {count} photons"), &found, &Estimate::exact([expected; 3]), 0.003, bias);
+                }
+            }
+        }
+    }
+    checks.finish();
+}

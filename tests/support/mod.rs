@@ -124,11 +124,12 @@ impl Checks {
             self.line(
                 precise && agrees,
                 format!(
-                    "{what}, channel {c}: {:.6e} against {:.6e}: {:+.3} % ± {:.3} %, {:+.1} standard errors{}{}",
+                    "{what}, channel {c}: {:.6e} ± {:.3} % against {:.6e} ± {:.3} %: {:+.3} %, {:+.1} standard errors{}{}",
                     found.mean[c],
+                    100.0 * found.standard_error[c] / scale,
                     expected.mean[c],
+                    100.0 * expected.standard_error[c] / scale,
                     100.0 * difference / scale,
-                    100.0 * error / scale,
                     difference / error,
                     if agrees { "" } else { " DIFFERS" },
                     if precise { "" } else { " TOO NOISY" },
