@@ -285,7 +285,7 @@ impl Geometry {
     }
 
     /// The density, per solid angle at `from`, with which [`Geometry::sample_toward`] draws the place of
-    /// `hit`, which lies in `direction`; 0 for the far side of a sphere seen from outside.
+    /// `hit`, which a ray from there in `direction` found; 0 for the far side of a sphere seen from outside.
     pub fn pdf_toward(&self, id: u32, from: DVec3, hit: &Hit, direction: DVec3) -> f64 {
         let cosine = direction.dot(hit.normal);
         if let Some(cone) = Cone::of(&self.placed[id as usize], from) {
@@ -674,9 +674,9 @@ mod tests {
                 let s = geometry.sample_toward(0, DVec3::ZERO, u).unwrap();
                 assert!(s.pdf.is_finite() && (s.normal.length() - 1.0).abs() < 1e-12);
                 assert!(s.normal.dot(s.direction) <= 1e-7, "seen from behind");
-                let rounding = 1e-13 * (radius + gap) + 1e-15 * radius / gap.min(1.0);
-                assert!((s.distance * s.direction).distance(s.point) <= rounding.max(1e-7 * radius.min(gap)));
-                assert!(s.distance >= gap * (1.0 - 1e-6) - 1e-15 * radius);
+                let rounding = 512.0 * f64::EPSILON * (radius + gap);
+                assert!((s.distance * s.direction).distance(s.point) <= rounding);
+                assert!(s.distance >= gap - rounding);
             }
         }
     }
@@ -900,6 +900,36 @@ mod tests {
                     seen += 1;
                 });
                 assert_eq!(seen, 3);
+            }
+        }
+    }
+
+    #[test]
+    fn sides_of_open_shapes_follow_the_transform() {
+        for transform in transforms() {
+            let m = transform.matrix3;
+            for shape in shapes() {
+                let mesh =
+                    Mesh::new(vec![Vec3::ZERO, Vec3::X, Vec3::new(0.2, 1.0, 0.3)], vec![[0, 1, 2]], true).unwrap();
+                let (expected, shape) = match shape {
+                    Shape::Quad(q) => {
+                        let [_, u, v] = q.face();
+                        ((m * u).cross(m * v), Shape::Quad(q))
+                    }
+                    Shape::Disk(d) => (m.inverse().transpose() * d.normal(), Shape::Disk(d)),
+                    // In place of the sphere, an open mesh.
+                    Shape::Sphere(_) => (m.inverse().transpose() * mesh.normal(0), Shape::Mesh(Arc::new(mesh))),
+                    _ => continue,
+                };
+                let geometry = Geometry::new(vec![Placed::new(shape, transform).unwrap()]);
+                let sample = geometry.sample_area(0, [0.3, 0.6]);
+                assert!(sample.normal.distance(expected.normalize()) < 1e-6);
+                for side in [1.0, -1.0] {
+                    let ray = Ray::new(sample.point + side * sample.normal, -side * sample.normal);
+                    let mut cluster = Cluster::default();
+                    assert!(geometry.intersect(&ray, 0.0, 2.0, &mut cluster));
+                    assert!(cluster.nearest().unwrap().normal.distance(sample.normal) < 1e-12);
+                }
             }
         }
     }

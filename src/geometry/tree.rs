@@ -67,13 +67,16 @@ impl Tree {
     #[inline]
     pub fn along(&self, ray: &Ray, t_min: f64, t_max: f64, mut visit: impl FnMut(u32) -> f64) {
         let Some((start, end)) = self.bounds.clip(ray, t_min, t_max) else { return };
-        if !start.is_finite() || self.nodes.nodes.is_empty() {
+        if self.nodes.nodes.is_empty() {
             return;
         }
         // ---- the ray in the cube
         let speed = ray.direction.length();
         let direction = ray.direction / speed;
         let origin = (ray.at(start) - self.center) * self.scale - LEAD * direction;
+        if !origin.is_finite() {
+            return;
+        }
         let stretch = speed * self.scale;
         let to_cube = |t: f64| (((t.min(end) - start) * stretch + LEAD) * (1.0 + 1e-6)) as f32 + 1e-6;
         // Adding zero turns −0 into 0: the test takes the sign of the reciprocal from the comparison with 0.
