@@ -783,6 +783,35 @@ mod tests {
     }
 
     #[test]
+    fn no_ray_leaves_a_room_of_quads_through_its_edges() {
+        let (low, high) = (DVec3::new(0.1, -0.7, 1.3), DVec3::new(5.7, 2.2, 4.9));
+        let e = (high - low).to_array();
+        for transform in transforms() {
+            let walls = (0..6).map(|i| {
+                let (u, v) = ((i + 1) % 3, (i + 2) % 3);
+                let (u, v) = (DVec3::AXES[u] * e[u], DVec3::AXES[v] * e[v]);
+                let shape = Quad::new(if i < 3 { low } else { high - u - v }, u, v).unwrap();
+                Placed::new(Shape::Quad(shape), transform).unwrap()
+            });
+            let geometry = Geometry::new(walls.collect());
+            let mut r = random(5);
+            for i in 0..20_000 {
+                let from = low.lerp(high, 0.5) + 0.4 * (high - low) * in_cube(&mut r);
+                let pick = |r: &mut Stream| DVec3::new(r.uniform(), r.uniform(), r.uniform()).round();
+                // A corner, or a point of the edge there.
+                let mut share = pick(&mut r).to_array();
+                if i % 4 > 0 {
+                    share[i % 3] = r.uniform();
+                }
+                let target = low + DVec3::from_array(share) * (high - low);
+                let [from, target] = [from, target].map(|p| transform.transform_point3(p));
+                let ray = Ray::new(from, (target - from).normalize());
+                assert!(geometry.occluded(&ray, 0.0, 100.0, |_| true), "a gap at {target}");
+            }
+        }
+    }
+
+    #[test]
     fn far_and_scaled_scenes_give_the_same_hits() {
         let mut r = random(3);
         let placed = crowd(&mut r, 60);
