@@ -1,5 +1,7 @@
 //! Optical depth along a ray, tabulated before photons are gathered.
 
+use crate::photon::simd::{LANES, Lanes, Row};
+
 /// The density integrated along a ray, D(t) = ∫₀ᵗ ρ, from values and slopes (the density) at knots:
 /// exact there, a monotone cubic between them (Fritsch and Carlson 1980), constant outside. Optical
 /// depths are σ·D.
@@ -73,8 +75,8 @@ impl DepthTable {
         self.buckets_per_length = if length > 0.0 { count as f64 / length } else { 0.0 };
         let mut piece = 0;
         for bucket in 0..count {
-            // Rounding may put a place into the bucket before its own: a piece is entered a little
-            // early by no one, so the scan only ever goes forward.
+            // A look-up scans forward only. Its rounding may choose the next bucket for a place at
+            // the end of this one, so each bucket's piece is that of slightly before its start.
             let start = first.t + (bucket as f64 - 1e-6) / count as f64 * length;
             while self.pieces[piece].end <= start {
                 piece += 1;
@@ -84,20 +86,48 @@ impl DepthTable {
     }
 
     /// D(t): never negative, never decreasing.
-    #[inline(always)]
     pub fn depth_at(&self, t: f64) -> f64 {
-        let Some(first) = self.pieces.first() else { return 0.0 };
-        let t = t.min(f64::MAX);
-        let from_start = (t - first.start).max(0.0);
-        let bucket = ((from_start * self.buckets_per_length) as usize).min(self.buckets.len() - 1);
-        let mut index = self.buckets[bucket] as usize;
-        while t >= self.pieces[index].end {
+        let Some(piece) = self.piece_at(t) else { return 0.0 };
+        let [c0, c1, c2, c3] = piece.coefficients;
+        let x = (t.min(f64::MAX) - piece.start).max(0.0);
+        c0 + x * (c1 + x * (c2 + x * c3))
+    }
+
+    /// D(t) in the lanes of `bits`, to a few roundings; anything in the others. Photons of one
+    /// block are neighbours: most share a piece.
+    #[inline(always)]
+    pub(super) fn depths<L: Lanes>(&self, t: L, bits: u16) -> L {
+        let mut row = Row([0.0; LANES]);
+        t.store(&mut row);
+        let mut depths = L::splat(0.0);
+        let mut left = bits;
+        while left != 0 {
+            let lane = left.trailing_zeros();
+            let Some(piece) = self.piece_at(f64::from(row.0[lane as usize])) else { break };
+            let (start, end) = (L::splat(piece.start as f32), L::splat(piece.end as f32));
+            // Rounded ends must not shut out the lane itself.
+            let inside = L::bits(L::and(start.less_equal(t), t.less(end))) | 1 << lane;
+            let [c0, c1, c2, c3] = piece.coefficients;
+            let x = t.sub(start).max(L::splat(0.0));
+            let mut depth = x.mul_add(L::splat(c3 as f32), L::splat(c2 as f32));
+            depth = depth.mul_add(x, L::splat(c1 as f32));
+            depth = depth.mul_add(x, L::splat(c0 as f32));
+            depths = depth.select(L::mask(inside), depths);
+            left &= !inside;
+        }
+        depths
+    }
+
+    /// The piece that `t` lies in; none in an empty table.
+    #[inline(always)]
+    fn piece_at(&self, t: f64) -> Option<&Piece> {
+        let first = self.pieces.first()?;
+        let bucket = ((t - first.start) * self.buckets_per_length) as usize;
+        let mut index = self.buckets[bucket.min(self.buckets.len() - 1)] as usize;
+        while t >= self.pieces[index].end && index + 1 < self.pieces.len() {
             index += 1;
         }
-        let piece = &self.pieces[index];
-        let [c0, c1, c2, c3] = piece.coefficients;
-        let x = (t - piece.start).max(0.0);
-        c0 + x * (c1 + x * (c2 + x * c3))
+        Some(&self.pieces[index])
     }
 
     /// D at the last knot: the whole table's depth.

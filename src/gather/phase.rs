@@ -219,11 +219,11 @@ impl Evaluate for Sum<'_> {
     #[inline(always)]
     fn values<L: Lanes>(&self, d: &[L; 3]) -> L {
         let (mut ahead, mut behind) = (L::splat(0.0), L::splat(0.0));
-        for axis in 0..3 {
-            let (high, low) = (L::splat(self.high[axis]), L::splat(self.low[axis]));
-            let e = d[axis].add(high).add(low);
+        for ((&d, &high), &low) in d.iter().zip(&self.high).zip(&self.low) {
+            let (high, low) = (L::splat(high), L::splat(low));
+            let e = d.add(high).add(low);
             ahead = e.mul_add(e, ahead);
-            let e = d[axis].sub(high).sub(low);
+            let e = d.sub(high).sub(low);
             behind = e.mul_add(e, behind);
         }
         let mut sum = L::splat(0.0);
