@@ -37,7 +37,7 @@ struct Piece<F> {
 }
 
 /// Buckets for each piece.
-const BUCKETS: usize = 2;
+const BUCKETS: usize = 4;
 
 impl DepthTable {
     /// A table without knots: no depth anywhere.
@@ -83,7 +83,7 @@ impl DepthTable {
         for bucket in 0..count {
             // A look-up scans forward only. Its rounding may choose the next bucket for a place at
             // the end of this one, so each bucket's piece is that of slightly before its start.
-            let start = first.t + (bucket as f64 - 0.25) / count as f64 * length;
+            let start = first.t + (bucket as f64 - 0.0625) / count as f64 * length;
             while self.pieces[piece].end <= start {
                 piece += 1;
             }
@@ -94,7 +94,7 @@ impl DepthTable {
     /// D(t): never negative, never decreasing.
     pub fn depth_at(&self, t: f64) -> f64 {
         let Some(first) = self.pieces.first() else { return 0.0 };
-        let mut index = self.bucket((t - first.start) * self.buckets_per_length);
+        let mut index = self.bucket(((t - first.start) * self.buckets_per_length) as usize);
         while t >= self.pieces[index].end && index + 1 < self.pieces.len() {
             index += 1;
         }
@@ -117,7 +117,7 @@ impl DepthTable {
         while left != 0 {
             let lane = left.trailing_zeros();
             let place = row.0[lane as usize];
-            let mut index = self.bucket(f64::from((place - first.start) * per_length));
+            let mut index = self.bucket(((place - first.start) * per_length) as usize);
             while place >= self.rounded[index].end && index + 1 < self.rounded.len() {
                 index += 1;
             }
@@ -136,10 +136,10 @@ impl DepthTable {
         depths
     }
 
-    /// The piece to start looking from at `place`, in buckets from the table's start.
+    /// The piece to start looking from in a bucket, or in the last one.
     #[inline(always)]
-    fn bucket(&self, place: f64) -> usize {
-        self.buckets[(place as usize).min(self.buckets.len() - 1)] as usize
+    fn bucket(&self, bucket: usize) -> usize {
+        self.buckets[bucket.min(self.buckets.len() - 1)] as usize
     }
 
     /// D at the last knot: the whole table's depth.

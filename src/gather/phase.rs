@@ -19,7 +19,7 @@ pub enum Lobe {
 
 /// A phase function made ready for beam queries.
 ///
-/// Accurate to 10⁻⁵ up to |g| = 0.9999; lobes beyond |g| = 1 − 10⁻¹², narrower than any direction
+/// Accurate to 2·10⁻⁵ up to |g| = 0.9999; lobes beyond |g| = 1 − 10⁻¹², narrower than any direction
 /// in `f32` can tell, are taken as that.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhaseLanes(pub(super) Kind);
