@@ -12,7 +12,9 @@ use crate::photon::simd::{LANES, Lanes, Row};
 pub struct DepthTable {
     knots: Vec<Knot>,
     /// The cubic after each knot; the last is constant.
-    pieces: Vec<Piece>,
+    pieces: Vec<Piece<f64>>,
+    /// The same, rounded.
+    rounded: Vec<Piece<f32>>,
     /// For each of evenly wide buckets along the table, the piece its start lies in.
     buckets: Vec<u32>,
     buckets_per_length: f64,
@@ -26,16 +28,16 @@ struct Knot {
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Piece {
-    start: f64,
+struct Piece<F> {
+    start: F,
     /// Where the next one starts; ∞ for the last.
-    end: f64,
+    end: F,
     /// Of the powers of `t − start`.
-    coefficients: [f64; 4],
+    coefficients: [F; 4],
 }
 
 /// Buckets for each piece.
-const BUCKETS: usize = 2;
+const BUCKETS: usize = 4;
 
 impl DepthTable {
     /// A table without knots: no depth anywhere.
@@ -47,6 +49,7 @@ impl DepthTable {
     pub fn clear(&mut self) {
         self.knots.clear();
         self.pieces.clear();
+        self.rounded.clear();
         self.buckets.clear();
     }
 
@@ -62,6 +65,7 @@ impl DepthTable {
     /// Makes the table ready for look-ups.
     pub fn finish(&mut self) {
         self.pieces.clear();
+        self.rounded.clear();
         self.buckets.clear();
         let (Some(&first), Some(&last)) = (self.knots.first(), self.knots.last()) else { return };
         for pair in self.knots.windows(2) {
@@ -70,6 +74,8 @@ impl DepthTable {
         let constant = [last.depth, 0.0, 0.0, 0.0];
         self.pieces.push(Piece { start: last.t, end: f64::INFINITY, coefficients: constant });
 
+        self.rounded.extend(self.pieces.iter().map(Piece::rounded));
+
         let count = BUCKETS * self.pieces.len();
         let length = last.t - first.t;
         self.buckets_per_length = if length > 0.0 { count as f64 / length } else { 0.0 };
@@ -77,7 +83,7 @@ impl DepthTable {
         for bucket in 0..count {
             // A look-up scans forward only. Its rounding may choose the next bucket for a place at
             // the end of this one, so each bucket's piece is that of slightly before its start.
-            let start = first.t + (bucket as f64 - 1e-6) / count as f64 * length;
+            let start = first.t + (bucket as f64 - 0.0625) / count as f64 * length;
             while self.pieces[piece].end <= start {
                 piece += 1;
             }
@@ -87,7 +93,12 @@ impl DepthTable {
 
     /// D(t): never negative, never decreasing.
     pub fn depth_at(&self, t: f64) -> f64 {
-        let Some(piece) = self.piece_at(t) else { return 0.0 };
+        let Some(first) = self.pieces.first() else { return 0.0 };
+        let mut index = self.bucket(((t - first.start) * self.buckets_per_length) as usize);
+        while t >= self.pieces[index].end && index + 1 < self.pieces.len() {
+            index += 1;
+        }
+        let piece = &self.pieces[index];
         let [c0, c1, c2, c3] = piece.coefficients;
         let x = (t.min(f64::MAX) - piece.start).max(0.0);
         c0 + x * (c1 + x * (c2 + x * c3))
@@ -97,37 +108,38 @@ impl DepthTable {
     /// block are neighbours: most share a piece.
     #[inline(always)]
     pub(super) fn depths<L: Lanes>(&self, t: L, bits: u16) -> L {
+        let mut depths = L::splat(0.0);
+        let Some(first) = self.rounded.first() else { return depths };
+        let per_length = self.buckets_per_length as f32;
         let mut row = Row([0.0; LANES]);
         t.store(&mut row);
-        let mut depths = L::splat(0.0);
         let mut left = bits;
         while left != 0 {
             let lane = left.trailing_zeros();
-            let Some(piece) = self.piece_at(f64::from(row.0[lane as usize])) else { break };
-            let (start, end) = (L::splat(piece.start as f32), L::splat(piece.end as f32));
-            // Rounded ends must not shut out the lane itself.
+            let place = row.0[lane as usize];
+            let mut index = self.bucket(((place - first.start) * per_length) as usize);
+            while place >= self.rounded[index].end && index + 1 < self.rounded.len() {
+                index += 1;
+            }
+            let piece = &self.rounded[index];
+            let (start, end) = (L::splat(piece.start), L::splat(piece.end));
+            // The lane itself, even if it lies before the table.
             let inside = L::bits(L::and(start.less_equal(t), t.less(end))) | 1 << lane;
             let [c0, c1, c2, c3] = piece.coefficients;
             let x = t.sub(start).max(L::splat(0.0));
-            let mut depth = x.mul_add(L::splat(c3 as f32), L::splat(c2 as f32));
-            depth = depth.mul_add(x, L::splat(c1 as f32));
-            depth = depth.mul_add(x, L::splat(c0 as f32));
+            let mut depth = x.mul_add(L::splat(c3), L::splat(c2));
+            depth = depth.mul_add(x, L::splat(c1));
+            depth = depth.mul_add(x, L::splat(c0));
             depths = depth.select(L::mask(inside), depths);
             left &= !inside;
         }
         depths
     }
 
-    /// The piece that `t` lies in; none in an empty table.
+    /// The piece to start looking from in a bucket, or in the last one.
     #[inline(always)]
-    fn piece_at(&self, t: f64) -> Option<&Piece> {
-        let first = self.pieces.first()?;
-        let bucket = ((t - first.start) * self.buckets_per_length) as usize;
-        let mut index = self.buckets[bucket.min(self.buckets.len() - 1)] as usize;
-        while t >= self.pieces[index].end && index + 1 < self.pieces.len() {
-            index += 1;
-        }
-        Some(&self.pieces[index])
+    fn bucket(&self, bucket: usize) -> usize {
+        self.buckets[bucket.min(self.buckets.len() - 1)] as usize
     }
 
     /// D at the last knot: the whole table's depth.
@@ -136,7 +148,11 @@ impl DepthTable {
     }
 }
 
-impl Piece {
+impl Piece<f64> {
+    fn rounded(&self) -> Piece<f32> {
+        Piece { start: self.start as f32, end: self.end as f32, coefficients: self.coefficients.map(|c| c as f32) }
+    }
+
     fn between(a: &Knot, b: &Knot) -> Self {
         let width = b.t - a.t;
         let secant = (b.depth - a.depth) / width;
