@@ -124,9 +124,10 @@ fn outputs(arguments: &Arguments) -> Result<Vec<PathBuf>> {
     if !arguments.out.is_empty() {
         return Ok(arguments.out.clone());
     }
-    let stem = arguments.scene.file_stem().ok_or_else(|| {
-        Error::Usage(format!("{}: not the name of a scene file", arguments.scene.display()))
-    })?;
+    let stem = arguments
+        .scene
+        .file_stem()
+        .ok_or_else(|| Error::Usage(format!("{}: not the name of a scene file", arguments.scene.display())))?;
     let with = |ending: &str| {
         let mut name = stem.to_os_string();
         name.push(ending);
@@ -146,10 +147,7 @@ fn describe(scene: &Scene) {
         } else if support.size().is_finite() {
             let (min, max) = (support.min + scene.center, support.max + scene.center);
             let across = support.size().max_element();
-            let ray = crate::math::Ray::new(
-                support.center() - across * crate::math::DVec3::Y,
-                crate::math::DVec3::Y,
-            );
+            let ray = crate::math::Ray::new(support.center() - across * crate::math::DVec3::Y, crate::math::DVec3::Y);
             let depth = medium.density.depth(&ray, 0.0, 2.0 * across) * medium.extinction.max_element();
             eprintln!(
                 "medium {}: from ({:.3}, {:.3}, {:.3}) to ({:.3}, {:.3}, {:.3}), extinction up to ({sigma}), optical depth {depth:.3} upwards through its middle",
@@ -304,10 +302,7 @@ fn summarise(report: &Report, stats: &Stats, outputs: &[PathBuf]) {
     let seconds = &report.seconds;
     let mut parts = vec![format!("{:.1} s", seconds.total)];
     if stats.volume > 0 {
-        parts.push(format!(
-            "photons {:.1} s ({} of {} emitted)",
-            seconds.photons, stats.volume, stats.emitted
-        ));
+        parts.push(format!("photons {:.1} s ({} of {} emitted)", seconds.photons, stats.volume, stats.emitted));
         parts.push(format!("map {:.1} s ({:.0} MB)", seconds.build, stats.map_bytes as f64 * 1e-6));
     }
     parts.push(format!("pixels {:.1} s", seconds.render));

@@ -24,7 +24,9 @@ pub struct DepthTable {
 struct Knot {
     t: f64,
     depth: f64,
-    density: f64,
+    /// ρ just before and just after: voxels without interpolation, and the rims of grids, jump.
+    before: f64,
+    after: f64,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -53,12 +55,18 @@ impl DepthTable {
         self.buckets.clear();
     }
 
-    /// Adds a knot at `t`, with D(t) and ρ(t), both finite. A knot that does not lie beyond the one
-    /// before is dropped; depths and densities below what is possible are raised to it.
+    /// Adds a knot at `t`, with D(t) and ρ(t), both finite. A second knot at the same place says to what
+    /// the density jumps there; one that lies before the last is dropped. Depths and densities below
+    /// what is possible are raised to it.
     pub fn push(&mut self, t: f64, depth: f64, density: f64) {
-        let before = self.knots.last().map_or((f64::NEG_INFINITY, 0.0), |knot| (knot.t, knot.depth));
-        if t > before.0 {
-            self.knots.push(Knot { t, depth: depth.max(before.1), density: density.max(0.0) });
+        let density = density.max(0.0);
+        match self.knots.last_mut() {
+            Some(last) if t < last.t => {}
+            Some(last) if t == last.t => last.after = density,
+            last => {
+                let depth = last.map_or(depth.max(0.0), |last| depth.max(last.depth));
+                self.knots.push(Knot { t, depth, before: density, after: density });
+            }
         }
     }
 
@@ -156,7 +164,7 @@ impl Piece<f64> {
     fn between(a: &Knot, b: &Knot) -> Self {
         let width = b.t - a.t;
         let secant = (b.depth - a.depth) / width;
-        let (mut start, mut end) = (a.density, b.density);
+        let (mut start, mut end) = (a.after, b.before);
         if secant <= 0.0 {
             (start, end) = (0.0, 0.0);
         } else {
@@ -202,6 +210,22 @@ mod tests {
         };
         let (coarse, fine) = (worst(40), worst(80));
         assert!(coarse < 2e-5 && fine < coarse / 14.0, "{coarse} {fine}");
+    }
+
+    #[test]
+    fn a_density_that_jumps_is_exact() {
+        let mut table = DepthTable::new();
+        let mut depth = 0.0;
+        let densities = [2.0, 0.0, 5.0, 0.5];
+        for (i, density) in densities.into_iter().enumerate() {
+            table.push(i as f64, depth, density);
+            depth += density;
+            table.push(i as f64 + 1.0, depth, density);
+        }
+        table.finish();
+        for (t, expected) in [(0.5, 1.0), (1.5, 2.0), (2.25, 3.25), (3.5, 7.25), (9.0, 7.5)] {
+            assert!((table.depth_at(t) - expected).abs() < 1e-12, "{t}: {}", table.depth_at(t));
+        }
     }
 
     #[test]

@@ -96,7 +96,13 @@ pub fn emitted(medium: &Medium, ray: &Ray, (a, b): (f64, f64), mut jitter: impl 
             // ∫ e^{−σD} dD; 1/σ over an infinite depth.
             let mean = medium.extinction.map(|sigma| match sigma * depth {
                 tau if tau.is_infinite() => 1.0 / sigma,
-                tau => if sigma > 0.0 { depth * one_minus_exp_over(tau) } else { 0.0 },
+                tau => {
+                    if sigma > 0.0 {
+                        depth * one_minus_exp_over(tau)
+                    } else {
+                        0.0
+                    }
+                }
             });
             medium.emitted(DVec3::ZERO) * mean
         }

@@ -60,7 +60,12 @@ const SAFETY_STOP: u64 = 1_000_000_000;
 
 /// Traces photons. `advance` is told as emissions are done, of [`Pass`]'s number once it is known; `stop` ends
 /// the pass early, its result then worthless.
-pub fn trace(scene: &Scene, pass: &Pass, progress: &(impl Fn(u64, u64) + Sync), stop: &(impl Fn() -> bool + Sync)) -> Traced {
+pub fn trace(
+    scene: &Scene,
+    pass: &Pass,
+    progress: &(impl Fn(u64, u64) + Sync),
+    stop: &(impl Fn() -> bool + Sync),
+) -> Traced {
     let sources = Sources::new(scene);
     let mut tracer = Tracer { scene, sources, forced: false, keep: 1.0 };
     let empty = || Traced { regions: vec![Vec::new(); scene.regions as usize], ..Traced::default() };

@@ -261,7 +261,13 @@ impl Interaction {
             // Dispersion: the channels part; one goes on with the weight of all.
             let w = shares(*weight);
             let u = stream.uniform();
-            channel = if u < w.x { 0 } else if u < w.x + w.y { 1 } else { 2 };
+            channel = if u < w.x {
+                0
+            } else if u < w.x + w.y {
+                1
+            } else {
+                2
+            };
             if w[channel] <= 0.0 {
                 return None;
             }

@@ -106,8 +106,7 @@ mod tests {
 
     #[test]
     fn depth_is_the_integral_and_advance_its_inverse() {
-        let air =
-            Exponential { origin: DVec3::new(1.0, 2.0, 3.0), up: DVec3::Y, scale_height: 0.7, value: 1.3 };
+        let air = Exponential { origin: DVec3::new(1.0, 2.0, 3.0), up: DVec3::Y, scale_height: 0.7, value: 1.3 };
         for (direction, t0, t1) in [
             (DVec3::new(0.6, 0.8, 0.0), 0.0, 9.0),
             (DVec3::new(0.6, -0.8, 0.0), 0.0, 9.0),
@@ -125,7 +124,11 @@ mod tests {
             for share in [1e-9, 0.1, 0.5, 0.999] {
                 let t = air.advance(&ray, t0, t1, share * depth).expect("within the range");
                 let reached = air.depth(&ray, t0, t);
-                assert!((reached - share * depth).abs() < 1e-9 * depth, "{direction}: {share} gives {}", reached / depth);
+                assert!(
+                    (reached - share * depth).abs() < 1e-9 * depth,
+                    "{direction}: {share} gives {}",
+                    reached / depth
+                );
             }
             assert!(air.advance(&ray, t0, t1, depth * 1.001).is_none());
         }
