@@ -276,7 +276,9 @@ impl<'s> Eye<'s> {
         // With photons the weight fades along the way; a path that matters little is not worth its queries.
         let largest = path.weight.max_element();
         if matches!(self.mode, Mode::Gather(_)) && largest < FAINT {
-            return survive(&mut path.weight, Rgb::splat(largest / FAINT), context.stream);
+            let chance = largest / FAINT;
+            path.weight /= chance;
+            return context.stream.uniform() < chance;
         }
         true
     }
