@@ -98,7 +98,7 @@ pub enum Mode<'a> {
 pub const SAFETY_STOP: u64 = 1_000_000_000;
 
 /// Eye weights below this are thinned by roulette where photons are gathered.
-const FAINT: f64 = 0.05;
+const FAINT: f64 = 0.25;
 
 /// Computes radiance along rays.
 pub struct Eye<'s> {
@@ -265,7 +265,14 @@ impl<'s> Eye<'s> {
             }
             self.light_surface(path, at, lambert.value(), sample, context);
         }
-        let Some(direction) = at.scatter(Side::Eye, &mut path.weight, context.stream) else { return false };
+        // With photons the weight also fades along the way: there is one roulette for both, below.
+        let gathers = matches!(self.mode, Mode::Gather(_));
+        let scattered = if gathers {
+            at.scatter_always(Side::Eye, &mut path.weight, context.stream)
+        } else {
+            at.scatter(Side::Eye, &mut path.weight, context.stream)
+        };
+        let Some(direction) = scattered else { return false };
         path.previous = match diffuse {
             Some(lambert) => {
                 Previous::Surface { point: at.point, density: lambert.density(at.shading_normal, direction) }
@@ -273,9 +280,9 @@ impl<'s> Eye<'s> {
             None => Previous::Specular,
         };
         walk.leave(at, direction);
-        // With photons the weight fades along the way; a path that matters little is not worth its queries.
+        // A path that matters little is not worth its queries.
         let largest = path.weight.max_element();
-        if matches!(self.mode, Mode::Gather(_)) && largest < FAINT {
+        if gathers && largest < FAINT {
             let chance = largest / FAINT;
             path.weight /= chance;
             return context.stream.uniform() < chance;
