@@ -91,7 +91,7 @@ impl Directional {
         } else {
             self.power(surroundings)
         };
-        Departure { ray: Ray::new(origin, direction), power, shape: None }
+        Departure { ray: Ray::new(origin, direction), power }
     }
 
     fn is_in_cone(&self, direction: DVec3) -> bool {

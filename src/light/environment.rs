@@ -123,7 +123,6 @@ impl Environment {
         (density > 0.0).then(|| Departure {
             ray: Ray::new(origin, -towards),
             power: self.radiance(towards) * (PI * surroundings.radius.powi(2) / density),
-            shape: None,
         })
     }
 }

@@ -107,7 +107,7 @@ impl<'s> Sources<'s> {
 
     fn start_at_light(&self, index: u32, inside: Option<&Inside>, stream: &mut Stream) -> Option<Start> {
         let light = &self.scene.lights[index as usize];
-        let Departure { ray, mut power, .. } = light.depart(&self.scene.geometry, &self.scene.surroundings, stream)?;
+        let Departure { ray, mut power } = light.depart(&self.scene.geometry, &self.scene.surroundings, stream)?;
         if light.is_infinite() {
             // What it lost in the world's medium before it came near.
             if let Some(world) = self.scene.world {
