@@ -12,6 +12,8 @@ use super::plan::Plan;
 use crate::gather::{GatherStats, Scratch, VolumeMaps};
 use crate::math::Stream;
 use crate::math::random::Purpose;
+use crate::medium::Medium;
+use crate::medium::density::Density;
 use crate::photon::{self, MapSettings, PhotonMap, Radii, walls};
 use crate::scene::Scene;
 use crate::scene::description::Method;
@@ -175,7 +177,14 @@ fn build_maps(
     }
     if pass == 0 {
         warn_of_sparse_map(plan, &traced, warnings);
+        warn_of_endless_glow(scene, warnings);
     }
+    let extinctions: Vec<f64> = traced
+        .regions
+        .iter()
+        .enumerate()
+        .map(|(region, photons)| mean_extinction(scene, region as u32, photons))
+        .collect();
 
     let start = Instant::now();
     progress.phase("build", 0);
@@ -192,6 +201,12 @@ fn build_maps(
         })
         .collect();
     let maps = VolumeMaps::new(maps, &scene.media);
+    if pass == 0 {
+        for (region, map) in maps.by_region() {
+            warn_of_wide_discs(scene, region, map.radii(), extinctions[region as usize], warnings);
+        }
+    }
+    stats.tally.broken += maps.maps().map(|map| map.rejected() as u64).sum::<u64>();
     stats.map_bytes = stats.map_bytes.max(maps.maps().map(|map| map.bytes() as u64).sum());
     stats.radii = maps.maps().map(PhotonMap::radii).fold(Radii::default(), |a, b| Radii {
         min: if a.max == 0.0 { b.min } else { a.min.min(b.min) },
@@ -204,6 +219,10 @@ fn build_maps(
 
 fn warn_of_sparse_map(plan: &Plan, traced: &photon::Traced, warnings: &mut Vec<String>) {
     let (stored, emitted, wanted) = (traced.stored(), traced.emitted, plan.volume_photons);
+    // Without a source there is nothing to say about photons.
+    if emitted == 0 {
+        return;
+    }
     if stored == 0 {
         warnings.push(format!("none of {emitted} photons met a medium that scatters: media stay dark"));
     } else if stored < wanted / 2 {
@@ -212,6 +231,54 @@ fn warn_of_sparse_map(plan: &Plan, traced: &photon::Traced, warnings: &mut Vec<S
         ));
     } else if emitted < 1000 {
         warnings.push(format!("the volume map stems from only {emitted} emissions: raise photons.volume"));
+    }
+}
+
+/// Photons of a glow start in a box around it.
+fn warn_of_endless_glow(scene: &Scene, warnings: &mut Vec<String>) {
+    let Some(world) = scene.world else { return };
+    let medium = &scene.media[world as usize];
+    if medium.glows() && medium.scatters() && !medium.density.support().size().is_finite() {
+        warnings.push(format!(
+            "medium {} glows and has no end: of its light, method \"photon\" leaves out what is scattered; put it into a shape, or use method \"path\"",
+            medium.name
+        ));
+    }
+}
+
+/// The medium of a region.
+fn medium_of(scene: &Scene, region: u32) -> Option<&Medium> {
+    let solid = scene.solids.iter().find(|solid| solid.region == region);
+    let medium = solid.map_or(scene.world, |solid| solid.medium)?;
+    Some(&scene.media[medium as usize])
+}
+
+/// The largest channel's extinction where a region's photons are, on average.
+fn mean_extinction(scene: &Scene, region: u32, photons: &[photon::Photon]) -> f64 {
+    let Some(medium) = medium_of(scene, region).filter(|_| !photons.is_empty()) else { return 0.0 };
+    let density: f64 = match medium.density {
+        Density::Uniform => 1.0,
+        _ => {
+            // A few thousand tell enough.
+            let step = photons.len().div_ceil(4096);
+            let some: Vec<f64> =
+                photons.iter().step_by(step).map(|photon| medium.density.at(photon.position.as_dvec3())).collect();
+            some.iter().sum::<f64>() / some.len() as f64
+        }
+    };
+    medium.extinction.max_element() * density
+}
+
+/// Where discs are wider than this many mean free paths, light is blurred across the layer it enters by.
+const WIDE: f64 = 0.3;
+
+fn warn_of_wide_discs(scene: &Scene, region: u32, radii: Radii, extinction: f64, warnings: &mut Vec<String>) {
+    let share = radii.mean as f64 * extinction;
+    if let Some(medium) = medium_of(scene, region).filter(|_| share > WIDE) {
+        warnings.push(format!(
+            "medium {}: photons are spread over {:.3e} on average, which is {share:.2} mean free paths; above {WIDE} its lit surface is blurred and too dark: raise photons.volume, lower volume.neighbours, or use method \"path\"",
+            medium.name, radii.mean
+        ));
     }
 }
 
