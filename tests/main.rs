@@ -2,5 +2,6 @@
 
 mod support;
 
+mod closed_forms;
 mod scene_files;
 mod vdb;

@@ -156,8 +156,7 @@ impl Map {
         let (width, height) = (self.image.width, self.image.height);
         let mut sum = Rgb::ZERO;
         for y in 0..height {
-            let share =
-                0.5 * ((PI * y as f64 / height as f64).cos() - (PI * (y + 1) as f64 / height as f64).cos());
+            let share = 0.5 * ((PI * y as f64 / height as f64).cos() - (PI * (y + 1) as f64 / height as f64).cos());
             for x in 0..width {
                 sum += texel(&self.image, x as isize, y as isize) * (share / width as f64);
             }

@@ -54,7 +54,9 @@ impl Plan {
         let render = &scene.render;
         refuse_eternity(scene, camera)?;
         let scatters = scene.media.iter().any(|medium| medium.scatters());
-        let gathers = render.method == Method::Photon && scatters && (!scene.lights.is_empty() || scene.media.iter().any(|m| m.glows()));
+        let gathers = render.method == Method::Photon
+            && scatters
+            && (!scene.lights.is_empty() || scene.media.iter().any(|m| m.glows()));
         let passes = if scene.film.standard_error { SUB_PASSES } else { 1 };
 
         let photons = scene.photons.volume.unwrap_or(VOLUME_PHOTONS);

@@ -236,6 +236,24 @@ impl Interaction {
 
     /// Draws where light goes on from a surface; weights `weight` for it, with roulette. `None` ends the walk.
     pub fn scatter(&self, side: Side, weight: &mut Rgb, stream: &mut Stream) -> Option<DVec3> {
+        self.scatter_and(side, weight, stream, survive)
+    }
+
+    /// As [`Interaction::scatter`], the roulette left to the caller.
+    pub fn scatter_always(&self, side: Side, weight: &mut Rgb, stream: &mut Stream) -> Option<DVec3> {
+        self.scatter_and(side, weight, stream, |weight, factor, _| {
+            *weight *= factor;
+            true
+        })
+    }
+
+    fn scatter_and(
+        &self,
+        side: Side,
+        weight: &mut Rgb,
+        stream: &mut Stream,
+        survive: impl Fn(&mut Rgb, Rgb, &mut Stream) -> bool,
+    ) -> Option<DVec3> {
         match self.reflection {
             Reflection::Lambert(lambert) => {
                 let direction = lambert.sample(self.shading_normal, stream);

@@ -1,18 +1,34 @@
 //! What tests share: scenes from text, renders, and estimates with their standard error.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use volpm::image::Image;
+use rayon::prelude::*;
+use volpm::image::{self, Image};
 use volpm::render::{Rendering, Silent, render as render_scene};
 use volpm::scene::{self, Scene};
+
+/// A file under `tests/data`.
+pub fn data(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(path)
+}
+
+/// A stored image.
+pub fn image(path: &str) -> Image {
+    image::read(data(path)).unwrap_or_else(|error| panic!("{error}")).image
+}
+
+/// The text of a stored scene.
+pub fn scene_text(path: &str) -> String {
+    std::fs::read_to_string(data(path)).unwrap_or_else(|error| panic!("{path}: {error}"))
+}
 
 /// A scene from the text of a scene file; relative paths start at `tests/data`.
 pub fn scene(text: &str, overrides: &[&str]) -> Scene {
     let overrides: Vec<String> = overrides.iter().map(|text| text.to_string()).collect();
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/scene.toml");
-    let description = scene::parse(text, &path, &overrides).unwrap_or_else(|error| panic!("{error}"));
-    scene::build(&description).unwrap_or_else(|error| panic!("{error}"))
+    let description =
+        scene::parse(text, &data("scene.toml"), &overrides).unwrap_or_else(|error| panic!("{error}\n{text}"));
+    scene::build(&description).unwrap_or_else(|error| panic!("{error}\n{text}"))
 }
 
 /// A whole render.
@@ -20,7 +36,21 @@ pub fn render(text: &str, overrides: &[&str]) -> Rendering {
     render_scene(&scene(text, overrides), &Silent, &AtomicBool::new(false)).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// A mean over an image's pixels, and its standard error over independent seeds.
+/// The images of renders with seeds 1, 2, …
+pub fn images(seeds: u32, text: &str, overrides: &[&str]) -> Vec<Image> {
+    // Small films do not fill a machine: seeds run side by side.
+    (1..=seeds)
+        .into_par_iter()
+        .map(|seed| {
+            let seed = format!("render.seed={seed}");
+            let mut overrides = overrides.to_vec();
+            overrides.push(&seed);
+            render(text, &overrides).film.image()
+        })
+        .collect()
+}
+
+/// A mean by channel, and its standard error over independent seeds.
 #[derive(Clone, Copy, Debug)]
 pub struct Estimate {
     pub mean: [f64; 3],
@@ -28,16 +58,9 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// Of what `measure` finds in renders with seeds 1, 2, …
-    pub fn over(seeds: u32, text: &str, overrides: &[&str], measure: impl Fn(&Image) -> [f64; 3]) -> Self {
-        let found: Vec<[f64; 3]> = (1..=seeds)
-            .map(|seed| {
-                let seed = format!("render.seed={seed}");
-                let mut overrides = overrides.to_vec();
-                overrides.push(&seed);
-                measure(&render(text, &overrides).film.image())
-            })
-            .collect();
+    /// Of what `measure` finds in images of independent seeds.
+    pub fn over(images: &[Image], measure: impl Fn(&Image) -> [f64; 3]) -> Self {
+        let found: Vec<[f64; 3]> = images.iter().map(measure).collect();
         let n = found.len() as f64;
         let mean: [f64; 3] = std::array::from_fn(|c| found.iter().map(|f| f[c]).sum::<f64>() / n);
         let standard_error = std::array::from_fn(|c| {
@@ -47,36 +70,90 @@ impl Estimate {
         Estimate { mean, standard_error }
     }
 
-    /// Of the mean over the whole image.
+    /// Of the mean over the whole image, in renders with seeds 1, 2, …
     pub fn of(seeds: u32, text: &str, overrides: &[&str]) -> Self {
-        Self::over(seeds, text, overrides, |image| image.channel_means())
-    }
-
-    /// Asserts agreement with another estimate as the design defines it: the means differ by at most 3 standard
-    /// errors, which are at most `precision` of the mean, plus a stated bias, as shares of the mean.
-    #[track_caller]
-    pub fn assert_agrees(&self, what: &str, other: &Estimate, precision: f64, bias: f64) {
-        for c in 0..3 {
-            let scale = other.mean[c].abs();
-            let error = self.standard_error[c].hypot(other.standard_error[c]);
-            let difference = self.mean[c] - other.mean[c];
-            assert!(
-                error <= precision * scale * 2f64.sqrt(),
-                "{what}, channel {c}: standard error {error:e} of {scale:e} is too large to say anything"
-            );
-            assert!(
-                difference.abs() <= 3.0 * error + bias * scale,
-                "{what}, channel {c}: {} against {}: {:+.3} %, {:.1} standard errors",
-                self.mean[c],
-                other.mean[c],
-                100.0 * difference / scale,
-                difference / error
-            );
-        }
+        Self::over(&images(seeds, text, overrides), Image::channel_means)
     }
 
     /// An exact value.
     pub fn exact(mean: [f64; 3]) -> Self {
         Estimate { mean, standard_error: [0.0; 3] }
+    }
+
+    /// All channels times a factor.
+    pub fn times(self, factor: f64) -> Self {
+        Estimate { mean: self.mean.map(|x| x * factor), standard_error: self.standard_error.map(|x| x * factor.abs()) }
+    }
+
+    /// The mean over the channels; its error as if they erred alike.
+    pub fn grey(self) -> Self {
+        let mean = |x: [f64; 3]| [x.iter().sum::<f64>() / 3.0; 3];
+        Estimate { mean: mean(self.mean), standard_error: mean(self.standard_error) }
+    }
+
+    /// The difference from `other` as a share of it, and the standard error of that, by channel.
+    pub fn bias(&self, other: &Estimate) -> [(f64, f64); 3] {
+        std::array::from_fn(|c| {
+            let scale = other.mean[c].abs();
+            let error = self.standard_error[c].hypot(other.standard_error[c]);
+            ((self.mean[c] - other.mean[c]) / scale, error / scale)
+        })
+    }
+}
+
+/// A list of comparisons, all made before the first that fails ends the test: a pattern in what fails says more
+/// than one number.
+#[derive(Default)]
+pub struct Checks {
+    lines: Vec<String>,
+    failed: usize,
+}
+
+impl Checks {
+    /// Checks that two estimates agree as the design defines it: the means differ by at most 3 standard errors,
+    /// each of which is at most `precision` of the mean, plus a stated bias, as shares of the mean.
+    pub fn agree(&mut self, what: &str, found: &Estimate, expected: &Estimate, precision: f64, bias: f64) {
+        for c in 0..3 {
+            let scale = expected.mean[c].abs();
+            let error = found.standard_error[c].hypot(expected.standard_error[c]);
+            let difference = found.mean[c] - expected.mean[c];
+            // Numbers of a film are 32-bit.
+            let rounding = 1e-6 * scale;
+            let precise =
+                found.standard_error[c] <= precision * scale && expected.standard_error[c] <= precision * scale;
+            let agrees = difference.abs() <= 3.0 * error + bias * scale + rounding;
+            self.line(
+                precise && agrees,
+                format!(
+                    "{what}, channel {c}: {:.6e} against {:.6e}: {:+.3} % ± {:.3} %, {:+.1} standard errors{}{}",
+                    found.mean[c],
+                    expected.mean[c],
+                    100.0 * difference / scale,
+                    100.0 * error / scale,
+                    difference / error,
+                    if agrees { "" } else { " DIFFERS" },
+                    if precise { "" } else { " TOO NOISY" },
+                ),
+            );
+        }
+    }
+
+    /// Checks anything else.
+    pub fn holds(&mut self, what: String, holds: bool) {
+        self.line(holds, what);
+    }
+
+    fn line(&mut self, holds: bool, text: String) {
+        if !holds {
+            self.failed += 1;
+        }
+        self.lines.push(format!("{} {text}", if holds { "  " } else { "✗ " }));
+    }
+
+    /// Ends the test.
+    #[track_caller]
+    pub fn finish(self) {
+        println!("{}", self.lines.join("\n"));
+        assert!(self.failed == 0, "{} of {} comparisons failed (✗)", self.failed, self.lines.len());
     }
 }
