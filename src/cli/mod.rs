@@ -33,10 +33,12 @@ enum Command {
 
 /// Runs the program and returns its exit status: 0 done; 1 failed; 2 bad usage or bad input; 130 interrupted.
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let arguments: Vec<OsString> = arguments.into_iter().collect();
+    let asks_for_help = arguments.get(1).is_some_and(|first| first == "help");
     let arguments = match Arguments::try_parse_from(arguments) {
         Ok(arguments) => arguments,
         Err(error) => {
-            if let Some(message) = still_to_come(&error) {
+            if let Some(message) = still_to_come(&error, asks_for_help) {
                 eprintln!("error: {message}");
                 return ExitCode::from(2);
             }
@@ -76,12 +78,17 @@ const LATER_OPTIONS: [&str; 9] = [
 ];
 
 /// What to say where the command line is refused for a command or an option that is not built yet.
-fn still_to_come(error: &clap::Error) -> Option<String> {
+fn still_to_come(error: &clap::Error, asks_for_help: bool) -> Option<String> {
     let named = |kind| match error.get(kind) {
         Some(ContextValue::String(name)) => Some(name.as_str()),
         _ => None,
     };
     if let Some(name) = named(ContextKind::InvalidSubcommand) {
+        if asks_for_help {
+            return Some(format!(
+                "{name:?} is no command, and the manual of a key is not supported yet; `volpm help` lists the commands"
+            ));
+        }
         return LATER_COMMANDS.contains(&name).then(|| format!("`volpm {name}` is not supported yet"));
     }
     let name = named(ContextKind::InvalidArg)?;

@@ -104,14 +104,28 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             description::ToneMap::Filmic => ToneMap::Filmic,
         },
     };
-    for output in &outputs {
-        image::write(output, &picture, &tone)?;
+    // What cannot be written must not cost what can.
+    let mut written: Vec<Result<()>> = Vec::new();
+    // An image without a sample would only replace a better one.
+    let seen = rendering.film.has_samples();
+    if seen {
+        written.extend(outputs.iter().map(|output| image::write(output, &picture, &tone)));
     }
     if let Some(path) = &arguments.stats {
         let text = super::json(&report)?;
-        image::write_aside(path, |file| std::io::Write::write_all(file, text.as_bytes()))?;
+        written.push(image::write_aside(path, |file| std::io::Write::write_all(file, text.as_bytes())));
+    }
+    let mut failures = written.into_iter().filter_map(Result::err);
+    if let Some(first) = failures.next() {
+        failures.for_each(|error| eprintln!("error: {error}"));
+        return Err(first);
     }
     if rendering.interrupted {
+        if !arguments.quiet {
+            let names: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
+            let done = if seen { "as far as it came" } else { "not written: there is no sample yet" };
+            eprintln!("{}: {done}", names.join(", "));
+        }
         return Err(Error::Interrupted);
     }
     if !arguments.quiet {
@@ -154,7 +168,9 @@ fn describe(scene: &Scene) {
                 medium.name, min.x, min.y, min.z, max.x, max.y, max.z
             );
         } else {
-            eprintln!("medium {}: unbounded, extinction up to ({sigma})", medium.name);
+            let kind =
+                if matches!(medium.density, Density::Uniform) { "the same everywhere" } else { "without an end" };
+            eprintln!("medium {}: {kind}, extinction up to ({sigma})", medium.name);
         }
     }
     for warning in &scene.warnings {

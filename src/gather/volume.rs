@@ -41,6 +41,11 @@ impl VolumeMaps {
         self.maps.iter().flatten()
     }
 
+    /// The same, with their regions.
+    pub fn by_region(&self) -> impl Iterator<Item = (u32, &PhotonMap)> {
+        self.maps.iter().enumerate().filter_map(|(region, map)| Some((region as u32, map.as_ref()?)))
+    }
+
     /// The light scattered or emitted towards `ray`'s origin on its stretch from `a` to `b`, as radiance at
     /// `a`: what photons with at most `max_events` events say. Second, the transmittance of the stretch.
     pub fn gather(

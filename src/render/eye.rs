@@ -182,7 +182,7 @@ impl<'s> Eye<'s> {
         let mut sample = Sample::default();
         let path = Path { weight: Rgb::ONE, events: 0, first: None, previous: Previous::Specular };
         let split = matches!(self.mode, Mode::Split);
-        self.follow(Walk::new(self.scene, ray, inside), path, split, &mut sample, context);
+        self.follow(Walk::start(self.scene, ray, inside), path, split, &mut sample, context);
         for radiance in &mut sample.radiance {
             if !radiance.is_finite() {
                 context.tally.broken += 1;

@@ -137,6 +137,11 @@ impl Film {
         }
     }
 
+    /// Whether any pixel has a sample.
+    pub fn has_samples(&self) -> bool {
+        self.pixels.iter().any(|pixel| pixel.samples > 0)
+    }
+
     /// The image.
     pub fn image(&self) -> Image {
         let pixels = self.pixels.iter().map(|pixel| {

@@ -12,6 +12,8 @@ use super::plan::Plan;
 use crate::gather::{GatherStats, Scratch, VolumeMaps};
 use crate::math::Stream;
 use crate::math::random::Purpose;
+use crate::medium::Medium;
+use crate::medium::density::Density;
 use crate::photon::{self, MapSettings, Photon, PhotonMap, Radii, walls};
 use crate::scene::Scene;
 use crate::scene::description::Method;
@@ -196,14 +198,23 @@ impl<P: Progress> Renderer<'_, P> {
         }
         if pass == 0 {
             self.warnings.extend(sparse_map(&self.plan, &traced));
+            self.warnings.extend(endless_glow(scene));
         }
 
+        let extinctions: Vec<f64> =
+            (0..).zip(&traced.regions).map(|(i, photons)| mean_extinction(scene, i, photons)).collect();
         let start = Instant::now();
         progress.phase("build", 0);
         let settings = MapSettings { tagged: self.plan.tagged, ..MapSettings::new(self.plan.radius) };
         let near = |position, radius, planes: &mut _| walls::near(scene, position, radius, planes);
         let build = |photons: Vec<Photon>| (!photons.is_empty()).then(|| PhotonMap::build(photons, &settings, &near));
         let maps = VolumeMaps::new(traced.regions.into_iter().map(build).collect(), &scene.media);
+        if pass == 0 {
+            let wide =
+                |(region, map): (u32, &PhotonMap)| wide_discs(scene, region, map.radii(), extinctions[region as usize]);
+            self.warnings.extend(maps.by_region().filter_map(wide));
+        }
+        self.stats.tally.broken += maps.maps().map(|map| map.rejected() as u64).sum::<u64>();
         self.stats.map_bytes = self.stats.map_bytes.max(maps.maps().map(|map| map.bytes() as u64).sum());
         self.stats.radii = radii(&maps);
         self.stats.build_seconds += start.elapsed().as_secs_f64();
@@ -275,7 +286,10 @@ fn radii(maps: &VolumeMaps) -> Radii {
 /// Whether the map is too thin to be trusted.
 fn sparse_map(plan: &Plan, traced: &photon::Traced) -> Option<String> {
     let (stored, emitted, wanted) = (traced.stored(), traced.emitted, plan.volume_photons);
-    if stored == 0 {
+    if emitted == 0 {
+        // Without a source there is nothing to say about photons.
+        None
+    } else if stored == 0 {
         Some(format!("none of {emitted} photons met a medium that scatters: media stay dark"))
     } else if stored < wanted / 2 {
         Some(format!(
@@ -286,6 +300,54 @@ fn sparse_map(plan: &Plan, traced: &photon::Traced) -> Option<String> {
     } else {
         None
     }
+}
+
+/// Photons of a glow start in a box around it.
+fn endless_glow(scene: &Scene) -> Option<String> {
+    let medium = &scene.media[scene.world? as usize];
+    let endless = medium.glows() && medium.scatters() && !medium.density.support().size().is_finite();
+    endless.then(|| {
+        format!(
+            "medium {} glows and has no end: of its light, method \"photon\" leaves out what is scattered; put it into a shape, or use method \"path\"",
+            medium.name
+        )
+    })
+}
+
+/// The medium of a region.
+fn medium_of(scene: &Scene, region: u32) -> Option<&Medium> {
+    let solid = scene.solids.iter().find(|solid| solid.region == region);
+    let medium = solid.map_or(scene.world, |solid| solid.medium)?;
+    Some(&scene.media[medium as usize])
+}
+
+/// The largest channel's extinction where a region's photons are, on average.
+fn mean_extinction(scene: &Scene, region: u32, photons: &[Photon]) -> f64 {
+    let Some(medium) = medium_of(scene, region).filter(|_| !photons.is_empty()) else { return 0.0 };
+    let density: f64 = match medium.density {
+        Density::Uniform => 1.0,
+        _ => {
+            // A few thousand tell enough.
+            let step = photons.len().div_ceil(4096);
+            let some: Vec<f64> =
+                photons.iter().step_by(step).map(|photon| medium.density.at(photon.position.as_dvec3())).collect();
+            some.iter().sum::<f64>() / some.len() as f64
+        }
+    };
+    medium.extinction.max_element() * density
+}
+
+/// Where discs are wider than this many mean free paths, light is blurred across the layer it enters by.
+const WIDE: f64 = 0.3;
+
+fn wide_discs(scene: &Scene, region: u32, radii: Radii, extinction: f64) -> Option<String> {
+    let share = radii.mean as f64 * extinction;
+    medium_of(scene, region).filter(|_| share > WIDE).map(|medium| {
+        format!(
+            "medium {}: photons are spread over {:.3e} on average, which is {share:.2} mean free paths; above {WIDE} its lit surface is blurred and too dark: raise photons.volume, lower volume.neighbours, or use method \"path\"",
+            medium.name, radii.mean
+        )
+    })
 }
 
 fn report(stats: &Stats, warnings: &mut Vec<String>) {

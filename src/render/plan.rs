@@ -161,7 +161,7 @@ enum Wandered {
 }
 
 fn wander(scene: &Scene, ray: crate::math::Ray, inside: Inside, most: u64, stream: &mut Stream) -> Wandered {
-    let mut walk = Walk::new(scene, ray, inside);
+    let mut walk = Walk::start(scene, ray, inside);
     let mut weight = Rgb::ONE;
     let mut collided = false;
     for _ in 0..most {

@@ -20,6 +20,8 @@ pub struct Walk<'s> {
     crossed: f64,
     /// Nothing beyond is of interest.
     limit: f64,
+    /// Whether it has yet to find out on which side of a boundary it starts.
+    starts: bool,
     /// The solids around it.
     pub inside: Inside,
     cluster: Cluster,
@@ -112,7 +114,16 @@ pub enum Side {
 impl<'s> Walk<'s> {
     /// A walk that starts with `ray`, inside these solids.
     pub fn new(scene: &'s Scene, ray: Ray, inside: Inside) -> Self {
-        Walk { scene, ray, t: 0.0, crossed: 0.0, limit: f64::INFINITY, inside, cluster: Cluster::default() }
+        let cluster = Cluster::default();
+        Walk { scene, ray, t: 0.0, crossed: 0.0, limit: f64::INFINITY, starts: false, inside, cluster }
+    }
+
+    /// The same from a light or a camera, which may stand on a boundary of `inside`: then the direction
+    /// decides on which side the walk starts.
+    pub fn start(scene: &'s Scene, ray: Ray, inside: Inside) -> Self {
+        let starts = !scene.solids.is_empty();
+        let crossed = if starts { -error_bound(&ray, 0.0) } else { 0.0 };
+        Walk { starts, crossed, ..Walk::new(scene, ray, inside) }
     }
 
     /// The same, ending at parameter `limit`: what lies beyond is escape.
@@ -124,6 +135,15 @@ impl<'s> Walk<'s> {
     pub fn advance(&mut self, visitor: &mut impl Visitor) -> Stop {
         loop {
             self.scene.geometry.intersect(&self.ray, self.crossed, self.limit, &mut self.cluster);
+            if std::mem::take(&mut self.starts) {
+                self.crossed = 0.0;
+                let here = error_bound(&self.ray, 0.0);
+                if self.cluster.nearest().is_some_and(|hit| hit.t <= here) {
+                    self.inside = self.scene.cross(&self.inside, &self.cluster, self.ray.direction);
+                    self.crossed = self.cluster.hits().last().map_or(0.0, |hit| hit.t) + here;
+                    continue;
+                }
+            }
             let met = self.cluster.nearest().map(|hit| hit.t);
             let end = met.map_or(self.limit, |t| t.max(self.t));
             if let Some(medium) = self.scene.medium(&self.inside) {
