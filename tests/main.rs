@@ -3,5 +3,8 @@
 mod support;
 
 mod closed_forms;
+mod determinism;
+mod references;
 mod scene_files;
+mod slab;
 mod vdb;

@@ -1,0 +1,328 @@
+//! Reflectance R and transmittance T of wide slabs, by both estimators, against numbers from elsewhere: a table made
+//! by adding–doubling, and for index-matched slabs the solver below, which shares nothing with the renderer.
+//!
+//! R and T of a beam at normal incidence are, by reciprocity, what a camera sees that looks straight at the slab
+//! under light of radiance 1 from all sides of one half space: above it for R, below it for T.
+
+use std::f64::consts::PI;
+
+use crate::support::{Checks, Estimate, data};
+
+/// A row of `data/slab.csv`: index, optical thickness, albedo, phase function and its parameter, R and T.
+#[derive(Clone, Debug)]
+struct Row {
+    index: f64,
+    tau: f64,
+    albedo: f64,
+    phase: String,
+    g: f64,
+    reflectance: f64,
+    transmittance: f64,
+}
+
+fn table() -> Vec<Row> {
+    let text = std::fs::read_to_string(data("slab.csv")).unwrap();
+    let row = |line: &str| {
+        let cells: Vec<&str> = line.split(',').collect();
+        let number = |i: usize| cells[i].parse::<f64>().unwrap();
+        Row {
+            index: number(0),
+            tau: number(1),
+            albedo: number(2),
+            phase: cells[3].to_string(),
+            g: number(4),
+            reflectance: number(5),
+            transmittance: number(6),
+        }
+    };
+    text.lines().skip(1).map(row).collect()
+}
+
+/// Azimuthally averaged adding–doubling for an index-matched slab, on `N` Gauss nodes of (0, 1) and the normal, which
+/// has no weight (van de Hulst 1980, ch. 4).
+mod solver {
+    use super::PI;
+
+    const N: usize = 40;
+    const SIZE: usize = N + 1;
+    type Matrix = Vec<[f64; SIZE]>;
+
+    /// R and T for a phase function `p(cos θ)` per steradian.
+    pub fn slab(tau: f64, albedo: f64, p: impl Fn(f64) -> f64) -> (f64, f64) {
+        let (mut node, mut weight) = gauss(N);
+        for (x, w) in node.iter_mut().zip(&mut weight) {
+            *x = 0.5 * (*x + 1.0);
+            *w *= 0.5;
+        }
+        node.push(1.0);
+        weight.push(0.0);
+
+        // Both signs of the cosine through the Legendre moments that N nodes integrate exactly.
+        let moments = moments(2 * N, p);
+        let polynomials: Vec<Vec<f64>> = node.iter().map(|&x| legendre(2 * N, x)).collect();
+        let averaged = |i: usize, j: usize, sign: f64| -> f64 {
+            (0..2 * N)
+                .map(|l| {
+                    let parity = if l % 2 == 1 { sign } else { 1.0 };
+                    (2 * l + 1) as f64 * moments[l] * polynomials[i][l] * polynomials[j][l] * parity
+                })
+                .sum()
+        };
+
+        // A layer so thin that light scatters in it at most once, then doubled.
+        const DOUBLINGS: i32 = 28;
+        let thin = tau / 2f64.powi(DOUBLINGS);
+        // What is lost is kept, not what passes: doubling 1 − δ would lose digits.
+        let mut lost: Vec<f64> = node.iter().map(|mu| -(-thin / mu).exp_m1()).collect();
+        let layer = |sign: f64| -> Matrix {
+            let entry = |i: usize, j: usize| lost[i] * 0.5 * albedo * averaged(i, j, sign) * weight[j];
+            (0..SIZE).map(|i| std::array::from_fn(|j| entry(i, j))).collect()
+        };
+        let mut r = layer(-1.0);
+        let mut t = layer(1.0);
+        for _ in 0..DOUBLINGS {
+            let full: Matrix = (0..SIZE)
+                .map(|i| std::array::from_fn(|j| t[i][j] + if i == j { 1.0 - lost[i] } else { 0.0 }))
+                .collect();
+            let bounces = inverse(&minus_from_one(&product(&r, &r)));
+            let there = product(&full, &bounces);
+            let back = product(&product(&there, &r), &full);
+            // full·bounces·full − direct², written without the direct part.
+            let twice = product(&there, &full);
+            for i in 0..SIZE {
+                let direct = (1.0 - lost[i]) * (1.0 - lost[i]);
+                for j in 0..SIZE {
+                    r[i][j] += back[i][j];
+                    t[i][j] = twice[i][j] - if i == j { direct } else { 0.0 };
+                }
+                lost[i] = 1.0 - direct;
+            }
+        }
+        let out = |matrix: &Matrix| matrix[N].iter().sum::<f64>();
+        (out(&r), out(&t) + (-tau).exp())
+    }
+
+    /// ½∫ 4π p(x) P_l(x) dx for l below `count`.
+    fn moments(count: usize, p: impl Fn(f64) -> f64) -> Vec<f64> {
+        let (node, weight) = gauss(400);
+        let mut moments = vec![0.0; count];
+        for (x, w) in node.iter().zip(&weight) {
+            let value = 2.0 * PI * p(*x) * w;
+            for (moment, polynomial) in moments.iter_mut().zip(legendre(count, *x)) {
+                *moment += value * polynomial;
+            }
+        }
+        moments
+    }
+
+    fn legendre(count: usize, x: f64) -> Vec<f64> {
+        let mut p = vec![1.0, x];
+        for l in 2..count {
+            p.push(((2 * l - 1) as f64 * x * p[l - 1] - (l - 1) as f64 * p[l - 2]) / l as f64);
+        }
+        p
+    }
+
+    /// Gauss–Legendre nodes and weights on (−1, 1), by Newton's method.
+    fn gauss(n: usize) -> (Vec<f64>, Vec<f64>) {
+        let pair = |i: usize| {
+            let mut x = (PI * (i as f64 + 0.75) / (n as f64 + 0.5)).cos();
+            let mut slope = 0.0;
+            for _ in 0..50 {
+                let p = legendre(n + 1, x);
+                slope = n as f64 * (x * p[n] - p[n - 1]) / (x * x - 1.0);
+                x -= p[n] / slope;
+            }
+            (x, 2.0 / ((1.0 - x * x) * slope * slope))
+        };
+        (0..n).map(pair).unzip()
+    }
+
+    fn product(a: &Matrix, b: &Matrix) -> Matrix {
+        let entry = |i: usize, j: usize| (0..SIZE).map(|k| a[i][k] * b[k][j]).sum();
+        (0..SIZE).map(|i| std::array::from_fn(|j| entry(i, j))).collect()
+    }
+
+    fn minus_from_one(a: &Matrix) -> Matrix {
+        (0..SIZE).map(|i| std::array::from_fn(|j| if i == j { 1.0 - a[i][j] } else { -a[i][j] })).collect()
+    }
+
+    /// Gauss–Jordan elimination; the matrices here are close to 1 and need no pivots.
+    fn inverse(a: &Matrix) -> Matrix {
+        let mut a = a.clone();
+        let mut b: Matrix = (0..SIZE).map(|i| std::array::from_fn(|j| if i == j { 1.0 } else { 0.0 })).collect();
+        for k in 0..SIZE {
+            let scale = 1.0 / a[k][k];
+            a[k] = a[k].map(|x| x * scale);
+            b[k] = b[k].map(|x| x * scale);
+            let (ak, bk) = (a[k], b[k]);
+            for i in (0..SIZE).filter(|&i| i != k) {
+                let factor = a[i][k];
+                for j in 0..SIZE {
+                    a[i][j] -= factor * ak[j];
+                    b[i][j] -= factor * bk[j];
+                }
+            }
+        }
+        b
+    }
+}
+
+fn phase_function(row: &Row) -> impl Fn(f64) -> f64 {
+    let (g, schlick) = (row.g, row.phase == "schlick");
+    move |x: f64| {
+        if schlick {
+            (1.0 - g * g) / (4.0 * PI * (1.0 - g * x).powi(2))
+        } else {
+            (1.0 - g * g) / (4.0 * PI * (1.0 + g * g - 2.0 * g * x).powf(1.5))
+        }
+    }
+}
+
+#[test]
+fn the_solver_agrees_with_the_table() {
+    let mut checks = Checks::default();
+    for row in table().into_iter().filter(|row| row.index == 1.0) {
+        let (r, t) = solver::slab(row.tau, row.albedo, phase_function(&row));
+        // The table has six digits and is sure to 1e-5.
+        let close = |x: f64, y: f64| (x - y).abs() <= 1e-5 * y.max(0.01);
+        let holds = close(r, row.reflectance) && close(t, row.transmittance);
+        checks.holds(format!("{row:?}: {r} {t}"), holds);
+    }
+    checks.finish();
+}
+
+fn medium(row: &Row) -> String {
+    let parameter = if row.phase == "schlick" { "k" } else { "g" };
+    format!(
+        "[media.fog]\nsigma_t = 1.0\nalbedo = {}\nphase = {{ type = \"{}\", {parameter} = {} }}\n\
+         [materials.black]\ntype = \"lambert\"\nreflectance = 0\n\
+         [materials.glass]\ntype = \"dielectric\"\nior = {}\n",
+        row.albedo, row.phase, row.g, row.index
+    )
+}
+
+fn boundary(row: &Row) -> &'static str {
+    if row.index == 1.0 { "none" } else { "glass" }
+}
+
+/// A box 50 times as wide as thick under the sky, with a black sheet beyond or above the camera.
+fn wide(row: &Row, transmitted: bool, samples: u32) -> String {
+    let half = 50.0 * row.tau.max(1.0);
+    let sheet = if transmitted { 3.0 } else { -row.tau - 0.01 };
+    let far = 40.0 * half;
+    format!(
+        "[film]\nwidth = 1\nheight = 1\nlayers = false\n\
+         [camera]\nposition = [0, 0, 2]\ntarget = [0, 0, 0]\nfov = 2\n\
+         [render]\nmethod = \"path\"\nsamples = {samples}\n{}\
+         [[lights]]\ntype = \"environment\"\nradiance = 1.0\n\
+         [[shapes]]\ntype = \"box\"\nmin = [{}, {}, {}]\nmax = [{half}, {half}, 0]\nmaterial = \"{}\"\ninterior = \"fog\"\n\
+         [[shapes]]\ntype = \"quad\"\norigin = [{}, {}, {sheet}]\nedge_u = [{}, 0, 0]\nedge_v = [0, {}, 0]\nmaterial = \"black\"\n",
+        medium(row), -half, -half, -row.tau, boundary(row), -far, -far, 2.0 * far, 2.0 * far
+    )
+}
+
+/// A column of the slab between mirrors, which stand for all of its width. One end of the tube shines 1, the other is
+/// black. A camera that looks along it sees no blur of kernels: light is the same all over a disc.
+fn column(row: &Row, transmitted: bool, samples: u32, photons: u32) -> String {
+    let (top, bottom) = (0.3, -row.tau - 0.3);
+    let (lit, dark) = if transmitted { (bottom, top) } else { (top, bottom) };
+    // Discs almost as wide as the column, so that one ray meets most photons.
+    let neighbours = (0.3 * photons as f64 / row.tau) as u32;
+    let mut text = format!(
+        "[film]\nwidth = 1\nheight = 1\nlayers = false\n\
+         [camera]\nposition = [0, 0, 0.2]\ntarget = [0, 0, 0]\nfov = 2\n\
+         [render]\nmethod = \"photon\"\nsamples = {samples}\n[photons]\nvolume = {photons}\n\
+         [volume]\nneighbours = {neighbours}\nmax_radius = 0.49\n{}\
+         [materials.mirror]\ntype = \"mirror\"\nreflectance = 1\n\
+         [[shapes]]\ntype = \"box\"\nmin = [-0.51, -0.51, {}]\nmax = [0.51, 0.51, 0]\nmaterial = \"{}\"\ninterior = \"fog\"\n\
+         [[shapes]]\ntype = \"quad\"\norigin = [-0.5, -0.5, {dark}]\nedge_u = [1, 0, 0]\nedge_v = [0, 1, 0]\nmaterial = \"black\"\n\
+         [[shapes]]\ntype = \"disk\"\ncenter = [0, 0, {lit}]\nnormal = [0, 0, {}]\nradius = 0.8\nmaterial = \"black\"\n\
+         emission = {{ radiance = 1.0 }}\n",
+        medium(row), -row.tau, boundary(row), if transmitted { 1 } else { -1 }
+    );
+    let height = top - bottom;
+    for (x, y, u) in [(-0.5, -0.5, [1, 0]), (-0.5, 0.5, [1, 0]), (-0.5, -0.5, [0, 1]), (0.5, -0.5, [0, 1])] {
+        text += &format!(
+            "[[shapes]]\ntype = \"quad\"\norigin = [{x}, {y}, {bottom}]\nedge_u = [{}, {}, 0]\nedge_v = [0, 0, {height}]\nmaterial = \"mirror\"\n",
+            u[0], u[1]
+        );
+    }
+    text
+}
+
+/// A row, and how many thousand samples R and T take by path tracing.
+struct Case {
+    row: Row,
+    exact: [f64; 2],
+    samples: [u32; 2],
+}
+
+/// Rows that between them have every index, phase function, thickness and albedo.
+fn cases() -> Vec<Case> {
+    let wanted = [
+        ((1.0, 1.0, 0.9, 0.0), [10, 4]),
+        ((1.0, 4.0, 0.5, 0.0), [12, 12]),
+        ((1.0, 4.0, 1.0, 0.0), [4, 6]),
+        ((1.0, 16.0, 0.99, 0.0), [4, 10]),
+        ((1.0, 1.0, 0.5, 0.75), [10, 4]),
+        ((1.0, 4.0, 0.9, 0.75), [36, 8]),
+        ((1.0, 16.0, 0.9, 0.75), [32, 36]),
+        ((1.0, 16.0, 1.0, 0.75), [4, 10]),
+        ((1.0, 1.0, 0.9, 0.7), [32, 4]),
+        ((1.0, 4.0, 1.0, 0.7), [4, 4]),
+        ((1.4, 1.0, 0.9, 0.0), [24, 6]),
+        ((1.4, 4.0, 0.99, 0.0), [4, 6]),
+    ];
+    let table = table();
+    let case = |((index, tau, albedo, g), samples): ((f64, f64, f64, f64), [u32; 2])| {
+        let row = table.iter().find(|row| (row.index, row.tau, row.albedo, row.g) == (index, tau, albedo, g));
+        let row = row.unwrap_or_else(|| panic!("no row {index} {tau} {albedo} {g}")).clone();
+        let exact = match index {
+            1.0 => solver::slab(tau, albedo, phase_function(&row)).into(),
+            _ => [row.reflectance, row.transmittance],
+        };
+        Case { row, exact, samples }
+    };
+    wanted.map(case).into()
+}
+
+/// Above 1e-3 within 3 standard errors, below it within 1e-4.
+fn check(checks: &mut Checks, case: &Case, transmitted: bool, found: &Estimate) {
+    let row = &case.row;
+    let name = if transmitted { "T" } else { "R" };
+    let exact = case.exact[transmitted as usize];
+    let what = format!("n = {}, τ = {}, Λ = {}, {} {}: {name}", row.index, row.tau, row.albedo, row.phase, row.g);
+    if exact > 1e-3 {
+        let precision = if exact > 0.1 { 0.003 } else { 0.01 };
+        checks.agree(&what, found, &Estimate::exact([exact; 3]), precision, 0.0);
+    } else {
+        let close = found.mean.iter().all(|x| (x - exact).abs() < 1e-4);
+        checks.holds(format!("{what}: {:?} against {exact}", found.mean), close);
+    }
+}
+
+#[test]
+fn slabs_by_path_tracing() {
+    let mut checks = Checks::default();
+    for case in cases() {
+        for transmitted in [false, true] {
+            let samples = 1000 * case.samples[transmitted as usize];
+            let found = Estimate::of(32, &wide(&case.row, transmitted, samples), &[]);
+            check(&mut checks, &case, transmitted, &found);
+        }
+    }
+    checks.finish();
+}
+
+#[test]
+fn slabs_by_photons() {
+    let mut checks = Checks::default();
+    for case in cases() {
+        for transmitted in [false, true] {
+            let found = Estimate::of(32, &column(&case.row, transmitted, 8, 60_000), &[]);
+            check(&mut checks, &case, transmitted, &found);
+        }
+    }
+    checks.finish();
+}
