@@ -31,14 +31,14 @@ fn even(count: usize) -> Vec<Photon> {
 
 fn beams(count: usize) -> Vec<Photon> {
     let mut stream = Stream::new(2, Purpose::Test, 0, 0);
-    let mut one = |i: usize| {
+    let one = |i: usize| {
         let k = (i % 6) as f64;
-        let axis = DVec3::new(0.1 * (2.5 - k), if i % 2 == 0 { -0.3 } else { 0.3 }, -1.0).normalize();
-        let start = DVec3::new(3.0 * k - 7.5, if i % 2 == 0 { 1.5 } else { -1.5 }, 4.5);
+        let axis = DVec3::new(0.1 * (2.5 - k), if i.is_multiple_of(2) { -0.3 } else { 0.3 }, -1.0).normalize();
+        let start = DVec3::new(3.0 * k - 7.5, if i.is_multiple_of(2) { 1.5 } else { -1.5 }, 4.5);
         let d = Frame::around(axis).to_world(sampling::cone(0.022, stream.uniform2()));
         photon(start + d * (0.3 + 8.7 * stream.uniform()), d, &mut stream)
     };
-    (0..count).map(|i| one(i)).collect()
+    (0..count).map(one).collect()
 }
 
 /// Rays of a pinhole camera, four a pixel, from a few tiles of the picture.
@@ -159,6 +159,12 @@ fn main() {
         measure("camera", &map, &rays, &plain);
         measure("anyhow", &map, &anyhow(4000), &plain);
     }
+
+    let mut piled = photons;
+    for photon in piled.iter_mut().step_by(2) {
+        photon.position = Vec3::splat(0.1);
+    }
+    build("even, but half at one place, variable", &piled, variable);
 
     let map = build("beams, variable", &beams(count), variable);
     measure("camera", &map, &camera(DVec3::new(1.0, -17.0, 1.0), DVec3::ZERO, 4096), &plain);

@@ -1,4 +1,47 @@
 //! A renderer for light in fog, smoke and marble.
+//!
+//! Light in participating media is computed twice, by two methods that judge each other: volumetric photon
+//! mapping with the beam radiance estimate (Jarosz, Zwicker and Jensen 2008), which gathers all photons along
+//! a ray in one query, and an unbiased path tracer.
+//!
+//! # The way of the light
+//!
+//! ```text
+//! file ─► description ─► scene ─► plan ─► photons ─► maps ─► pixels ─► files
+//! ```
+//!
+//! - [`scene`] reads what a file says into a [`scene::Description`], with places kept for errors, and builds a
+//!   [`scene::Scene`] of it: files loaded, instances placed, the middle moved to the origin.
+//! - [`render`] decides once what the scene needs (the [`render::Plan`]), then makes passes: photons, maps, and
+//!   camera samples that walk from surface to surface.
+//! - [`photon`] draws photons from lights and glowing media, walks them, stores them where they collide, finds
+//!   their radii and builds the hierarchy over their discs.
+//! - [`gather`] answers beam queries: what a stretch of a ray receives from the discs it crosses.
+//! - [`transport`] is the walk that photons and eye paths share: from one surface to the next through media and
+//!   boundaries, free flights, transmittance, and Russian roulette that keeps the sum of a weight.
+//! - [`light`], [`surface`], [`medium`] and [`geometry`] hold the kinds a scene can be made of, one file each.
+//! - [`image`] reads and writes pictures and says how far one is from another; [`math`] lies beneath.
+//!
+//! # Units and conventions
+//!
+//! Radiometric: power in W, intensity in W/sr, radiance in W/(sr · unit²), each for three channels of linear
+//! sRGB. Coefficients are per scene unit. Space is right-handed. Phase functions take the cosine between the
+//! directions of travel before and after, forward +1.
+//!
+//! # Example
+//!
+//! ```no_run
+//! use std::sync::atomic::AtomicBool;
+//! use volpm::{image, render, scene};
+//!
+//! # fn main() -> volpm::Result<()> {
+//! let description = scene::read("scenes/smoke.toml".as_ref(), &["film.width=320".to_string()])?;
+//! let scene = scene::build(&description)?;
+//! let rendering = render::render(&scene, &render::Silent, &AtomicBool::new(false))?;
+//! image::write("smoke.png", &rendering.film.image().into(), &image::ToneSettings::default())?;
+//! # Ok(())
+//! # }
+//! ```
 
 #![warn(missing_docs)]
 

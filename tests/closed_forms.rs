@@ -117,9 +117,7 @@ fn a_furnace_of_lossless_solids_by_path_tracing() {
         ("nothing in a channel", "sigma_s = [0, 1, 4]"),
     ];
     for (name, medium) in media {
-        for (kind, material, inside) in
-            [("matched", "", 1.0), ("dielectric", "material = \"glass\"", 2.25)]
-        {
+        for (kind, material, inside) in [("matched", "", 1.0), ("dielectric", "material = \"glass\"", 2.25)] {
             for (place, z, expected) in [("outside", 3.0, 1.0), ("inside", 0.3, inside)] {
                 let text = format!(
                     "{}{SKY}[media.fog]\n{medium}\n[materials.glass]\ntype = \"dielectric\"\nior = 1.5\n{}",

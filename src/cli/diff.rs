@@ -26,8 +26,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let options =
-        DiffOptions { layer: arguments.layer.clone(), standard_error: arguments.standard_error.clone() };
+    let options = DiffOptions { layer: arguments.layer.clone(), standard_error: arguments.standard_error.clone() };
     let figures = image::diff(&arguments.image, &arguments.reference, &options)?;
     super::print(&if arguments.json { super::json(&figures)? } else { format!("{figures}\n") })
 }

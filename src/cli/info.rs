@@ -128,7 +128,11 @@ fn vdb_facts(path: &Path) -> Result<Value> {
         }
         grids.push(facts);
     }
-    Ok(json!({ "file": path.display().to_string(), "format": "OpenVDB", "version": file.version(), "grids": grids }))
+    let (major, minor) = file.library_version();
+    let library = format!("{major}.{minor}");
+    Ok(
+        json!({ "file": path.display().to_string(), "format": "OpenVDB", "version": file.version(), "library": library, "grids": grids }),
+    )
 }
 
 fn compression(compression: vdb::Compression) -> String {

@@ -8,6 +8,7 @@ mod render;
 use std::ffi::OsString;
 use std::process::ExitCode;
 
+use clap::error::{ContextKind, ContextValue};
 use clap::{Parser, Subcommand};
 
 use crate::{Error, Result};
@@ -32,9 +33,15 @@ enum Command {
 
 /// Runs the program and returns its exit status: 0 done; 1 failed; 2 bad usage or bad input; 130 interrupted.
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let arguments: Vec<OsString> = arguments.into_iter().collect();
+    let asks_for_help = arguments.get(1).is_some_and(|first| first == "help");
     let arguments = match Arguments::try_parse_from(arguments) {
         Ok(arguments) => arguments,
         Err(error) => {
+            if let Some(message) = still_to_come(&error, asks_for_help) {
+                eprintln!("error: {message}");
+                return ExitCode::from(2);
+            }
             // Help and version go to stdout with status 0, complaints to stderr with status 2.
             let status = if error.use_stderr() { 2 } else { 0 };
             return if error.print().is_ok() { ExitCode::from(status) } else { ExitCode::from(1) };
@@ -52,6 +59,40 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
             ExitCode::from(error.exit_status())
         }
     }
+}
+
+/// Commands that the manual promises for later.
+const LATER_COMMANDS: [&str; 5] = ["compare", "merge", "plan", "check", "new"];
+
+/// Options of `render` that the manual promises for later.
+const LATER_OPTIONS: [&str; 9] = [
+    "--passes",
+    "--time",
+    "--target-error",
+    "--memory",
+    "--checkpoint",
+    "--resume",
+    "--pass-range",
+    "--preview",
+    "--tev",
+];
+
+/// What to say where the command line is refused for a command or an option that is not built yet.
+fn still_to_come(error: &clap::Error, asks_for_help: bool) -> Option<String> {
+    let named = |kind| match error.get(kind) {
+        Some(ContextValue::String(name)) => Some(name.as_str()),
+        _ => None,
+    };
+    if let Some(name) = named(ContextKind::InvalidSubcommand) {
+        if asks_for_help {
+            return Some(format!(
+                "{name:?} is no command, and the manual of a key is not supported yet; `volpm help` lists the commands"
+            ));
+        }
+        return LATER_COMMANDS.contains(&name).then(|| format!("`volpm {name}` is not supported yet"));
+    }
+    let name = named(ContextKind::InvalidArg)?;
+    LATER_OPTIONS.contains(&name).then(|| format!("{name} is not supported yet"))
 }
 
 /// Prints to stdout; a reader that hung up is no failure.

@@ -104,14 +104,28 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             description::ToneMap::Filmic => ToneMap::Filmic,
         },
     };
-    for output in &outputs {
-        image::write(output, &picture, &tone)?;
+    // What cannot be written must not cost what can.
+    let mut written: Vec<Result<()>> = Vec::new();
+    // An image without a sample would only replace a better one.
+    let seen = rendering.film.has_samples();
+    if seen {
+        written.extend(outputs.iter().map(|output| image::write(output, &picture, &tone)));
     }
     if let Some(path) = &arguments.stats {
         let text = super::json(&report)?;
-        image::write_aside(path, |file| std::io::Write::write_all(file, text.as_bytes()))?;
+        written.push(image::write_aside(path, |file| std::io::Write::write_all(file, text.as_bytes())));
+    }
+    let mut failures = written.into_iter().filter_map(Result::err);
+    if let Some(first) = failures.next() {
+        failures.for_each(|error| eprintln!("error: {error}"));
+        return Err(first);
     }
     if rendering.interrupted {
+        if !arguments.quiet {
+            let names: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
+            let done = if seen { "as far as it came" } else { "not written: there is no sample yet" };
+            eprintln!("{}: {done}", names.join(", "));
+        }
         return Err(Error::Interrupted);
     }
     if !arguments.quiet {
@@ -124,9 +138,10 @@ fn outputs(arguments: &Arguments) -> Result<Vec<PathBuf>> {
     if !arguments.out.is_empty() {
         return Ok(arguments.out.clone());
     }
-    let stem = arguments.scene.file_stem().ok_or_else(|| {
-        Error::Usage(format!("{}: not the name of a scene file", arguments.scene.display()))
-    })?;
+    let stem = arguments
+        .scene
+        .file_stem()
+        .ok_or_else(|| Error::Usage(format!("{}: not the name of a scene file", arguments.scene.display())))?;
     let with = |ending: &str| {
         let mut name = stem.to_os_string();
         name.push(ending);
@@ -146,17 +161,16 @@ fn describe(scene: &Scene) {
         } else if support.size().is_finite() {
             let (min, max) = (support.min + scene.center, support.max + scene.center);
             let across = support.size().max_element();
-            let ray = crate::math::Ray::new(
-                support.center() - across * crate::math::DVec3::Y,
-                crate::math::DVec3::Y,
-            );
+            let ray = crate::math::Ray::new(support.center() - across * crate::math::DVec3::Y, crate::math::DVec3::Y);
             let depth = medium.density.depth(&ray, 0.0, 2.0 * across) * medium.extinction.max_element();
             eprintln!(
                 "medium {}: from ({:.3}, {:.3}, {:.3}) to ({:.3}, {:.3}, {:.3}), extinction up to ({sigma}), optical depth {depth:.3} upwards through its middle",
                 medium.name, min.x, min.y, min.z, max.x, max.y, max.z
             );
         } else {
-            eprintln!("medium {}: unbounded, extinction up to ({sigma})", medium.name);
+            let kind =
+                if matches!(medium.density, Density::Uniform) { "the same everywhere" } else { "without an end" };
+            eprintln!("medium {}: {kind}, extinction up to ({sigma})", medium.name);
         }
     }
     for warning in &scene.warnings {
@@ -304,10 +318,7 @@ fn summarise(report: &Report, stats: &Stats, outputs: &[PathBuf]) {
     let seconds = &report.seconds;
     let mut parts = vec![format!("{:.1} s", seconds.total)];
     if stats.volume > 0 {
-        parts.push(format!(
-            "photons {:.1} s ({} of {} emitted)",
-            seconds.photons, stats.volume, stats.emitted
-        ));
+        parts.push(format!("photons {:.1} s ({} of {} emitted)", seconds.photons, stats.volume, stats.emitted));
         parts.push(format!("map {:.1} s ({:.0} MB)", seconds.build, stats.map_bytes as f64 * 1e-6));
     }
     parts.push(format!("pixels {:.1} s", seconds.render));

@@ -152,16 +152,8 @@ struct Tabulated<'a> {
 
 impl Transmit for Tabulated<'_> {
     #[inline(always)]
-    fn weigh<L: Lanes>(&self, factor: L, t: L, mut bits: u16) -> [L; 3] {
-        let mut row = Row([0.0; LANES]);
-        t.store(&mut row);
-        let mut depths = Row([0.0; LANES]);
-        while bits != 0 {
-            let lane = bits.trailing_zeros() as usize;
-            bits &= bits - 1;
-            depths.0[lane] = self.table.depth_at(f64::from(row.0[lane])) as f32;
-        }
-        let depth = L::load(&depths);
+    fn weigh<L: Lanes>(&self, factor: L, t: L, bits: u16) -> [L; 3] {
+        let depth = self.table.depths(t, bits);
         if self.grey {
             Grey(self.exponents[0]).weigh(factor, depth, bits)
         } else {

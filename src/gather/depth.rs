@@ -1,5 +1,7 @@
 //! Optical depth along a ray, tabulated before photons are gathered.
 
+use crate::photon::simd::{LANES, Lanes, Row};
+
 /// The density integrated along a ray, D(t) = ∫₀ᵗ ρ, from values and slopes (the density) at knots:
 /// exact there, a monotone cubic between them (Fritsch and Carlson 1980), constant outside. Optical
 /// depths are σ·D.
@@ -10,7 +12,9 @@
 pub struct DepthTable {
     knots: Vec<Knot>,
     /// The cubic after each knot; the last is constant.
-    pieces: Vec<Piece>,
+    pieces: Vec<Piece<f64>>,
+    /// The same, rounded.
+    rounded: Vec<Piece<f32>>,
     /// For each of evenly wide buckets along the table, the piece its start lies in.
     buckets: Vec<u32>,
     buckets_per_length: f64,
@@ -20,20 +24,22 @@ pub struct DepthTable {
 struct Knot {
     t: f64,
     depth: f64,
-    density: f64,
+    /// ρ just before and just after: voxels without interpolation, and the rims of grids, jump.
+    before: f64,
+    after: f64,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Piece {
-    start: f64,
+struct Piece<F> {
+    start: F,
     /// Where the next one starts; ∞ for the last.
-    end: f64,
+    end: F,
     /// Of the powers of `t − start`.
-    coefficients: [f64; 4],
+    coefficients: [F; 4],
 }
 
 /// Buckets for each piece.
-const BUCKETS: usize = 2;
+const BUCKETS: usize = 4;
 
 impl DepthTable {
     /// A table without knots: no depth anywhere.
@@ -45,21 +51,29 @@ impl DepthTable {
     pub fn clear(&mut self) {
         self.knots.clear();
         self.pieces.clear();
+        self.rounded.clear();
         self.buckets.clear();
     }
 
-    /// Adds a knot at `t`, with D(t) and ρ(t), both finite. A knot that does not lie beyond the one
-    /// before is dropped; depths and densities below what is possible are raised to it.
+    /// Adds a knot at `t`, with D(t) and ρ(t), both finite. A second knot at the same place says to what
+    /// the density jumps there; one that lies before the last is dropped. Depths and densities below
+    /// what is possible are raised to it.
     pub fn push(&mut self, t: f64, depth: f64, density: f64) {
-        let before = self.knots.last().map_or((f64::NEG_INFINITY, 0.0), |knot| (knot.t, knot.depth));
-        if t > before.0 {
-            self.knots.push(Knot { t, depth: depth.max(before.1), density: density.max(0.0) });
+        let density = density.max(0.0);
+        match self.knots.last_mut() {
+            Some(last) if t < last.t => {}
+            Some(last) if t == last.t => last.after = density,
+            last => {
+                let depth = last.map_or(depth.max(0.0), |last| depth.max(last.depth));
+                self.knots.push(Knot { t, depth, before: density, after: density });
+            }
         }
     }
 
     /// Makes the table ready for look-ups.
     pub fn finish(&mut self) {
         self.pieces.clear();
+        self.rounded.clear();
         self.buckets.clear();
         let (Some(&first), Some(&last)) = (self.knots.first(), self.knots.last()) else { return };
         for pair in self.knots.windows(2) {
@@ -68,14 +82,16 @@ impl DepthTable {
         let constant = [last.depth, 0.0, 0.0, 0.0];
         self.pieces.push(Piece { start: last.t, end: f64::INFINITY, coefficients: constant });
 
+        self.rounded.extend(self.pieces.iter().map(Piece::rounded));
+
         let count = BUCKETS * self.pieces.len();
         let length = last.t - first.t;
         self.buckets_per_length = if length > 0.0 { count as f64 / length } else { 0.0 };
         let mut piece = 0;
         for bucket in 0..count {
-            // Rounding may put a place into the bucket before its own: a piece is entered a little
-            // early by no one, so the scan only ever goes forward.
-            let start = first.t + (bucket as f64 - 1e-6) / count as f64 * length;
+            // A look-up scans forward only. Its rounding may choose the next bucket for a place at
+            // the end of this one, so each bucket's piece is that of slightly before its start.
+            let start = first.t + (bucket as f64 - 0.0625) / count as f64 * length;
             while self.pieces[piece].end <= start {
                 piece += 1;
             }
@@ -84,20 +100,54 @@ impl DepthTable {
     }
 
     /// D(t): never negative, never decreasing.
-    #[inline(always)]
     pub fn depth_at(&self, t: f64) -> f64 {
         let Some(first) = self.pieces.first() else { return 0.0 };
-        let t = t.min(f64::MAX);
-        let from_start = (t - first.start).max(0.0);
-        let bucket = ((from_start * self.buckets_per_length) as usize).min(self.buckets.len() - 1);
-        let mut index = self.buckets[bucket] as usize;
-        while t >= self.pieces[index].end {
+        let mut index = self.bucket(((t - first.start) * self.buckets_per_length) as usize);
+        while t >= self.pieces[index].end && index + 1 < self.pieces.len() {
             index += 1;
         }
         let piece = &self.pieces[index];
         let [c0, c1, c2, c3] = piece.coefficients;
-        let x = (t - piece.start).max(0.0);
+        let x = (t.min(f64::MAX) - piece.start).max(0.0);
         c0 + x * (c1 + x * (c2 + x * c3))
+    }
+
+    /// D(t) in the lanes of `bits`, to a few roundings; anything in the others. Photons of one
+    /// block are neighbours: most share a piece.
+    #[inline(always)]
+    pub(super) fn depths<L: Lanes>(&self, t: L, bits: u16) -> L {
+        let mut depths = L::splat(0.0);
+        let Some(first) = self.rounded.first() else { return depths };
+        let per_length = self.buckets_per_length as f32;
+        let mut row = Row([0.0; LANES]);
+        t.store(&mut row);
+        let mut left = bits;
+        while left != 0 {
+            let lane = left.trailing_zeros();
+            let place = row.0[lane as usize];
+            let mut index = self.bucket(((place - first.start) * per_length) as usize);
+            while place >= self.rounded[index].end && index + 1 < self.rounded.len() {
+                index += 1;
+            }
+            let piece = &self.rounded[index];
+            let (start, end) = (L::splat(piece.start), L::splat(piece.end));
+            // The lane itself, even if it lies before the table.
+            let inside = L::bits(L::and(start.less_equal(t), t.less(end))) | 1 << lane;
+            let [c0, c1, c2, c3] = piece.coefficients;
+            let x = t.sub(start).max(L::splat(0.0));
+            let mut depth = x.mul_add(L::splat(c3), L::splat(c2));
+            depth = depth.mul_add(x, L::splat(c1));
+            depth = depth.mul_add(x, L::splat(c0));
+            depths = depth.select(L::mask(inside), depths);
+            left &= !inside;
+        }
+        depths
+    }
+
+    /// The piece to start looking from in a bucket, or in the last one.
+    #[inline(always)]
+    fn bucket(&self, bucket: usize) -> usize {
+        self.buckets[bucket.min(self.buckets.len() - 1)] as usize
     }
 
     /// D at the last knot: the whole table's depth.
@@ -106,11 +156,15 @@ impl DepthTable {
     }
 }
 
-impl Piece {
+impl Piece<f64> {
+    fn rounded(&self) -> Piece<f32> {
+        Piece { start: self.start as f32, end: self.end as f32, coefficients: self.coefficients.map(|c| c as f32) }
+    }
+
     fn between(a: &Knot, b: &Knot) -> Self {
         let width = b.t - a.t;
         let secant = (b.depth - a.depth) / width;
-        let (mut start, mut end) = (a.density, b.density);
+        let (mut start, mut end) = (a.after, b.before);
         if secant <= 0.0 {
             (start, end) = (0.0, 0.0);
         } else {
@@ -156,6 +210,22 @@ mod tests {
         };
         let (coarse, fine) = (worst(40), worst(80));
         assert!(coarse < 2e-5 && fine < coarse / 14.0, "{coarse} {fine}");
+    }
+
+    #[test]
+    fn a_density_that_jumps_is_exact() {
+        let mut table = DepthTable::new();
+        let mut depth = 0.0;
+        let densities = [2.0, 0.0, 5.0, 0.5];
+        for (i, density) in densities.into_iter().enumerate() {
+            table.push(i as f64, depth, density);
+            depth += density;
+            table.push(i as f64 + 1.0, depth, density);
+        }
+        table.finish();
+        for (t, expected) in [(0.5, 1.0), (1.5, 2.0), (2.25, 3.25), (3.5, 7.25), (9.0, 7.5)] {
+            assert!((table.depth_at(t) - expected).abs() < 1e-12, "{t}: {}", table.depth_at(t));
+        }
     }
 
     #[test]

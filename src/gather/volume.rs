@@ -41,6 +41,11 @@ impl VolumeMaps {
         self.maps.iter().flatten()
     }
 
+    /// The same, with their regions.
+    pub fn by_region(&self) -> impl Iterator<Item = (u32, &PhotonMap)> {
+        self.maps.iter().enumerate().filter_map(|(region, map)| Some((region as u32, map.as_ref()?)))
+    }
+
     /// The light scattered or emitted towards `ray`'s origin on its stretch from `a` to `b`, as radiance at
     /// `a`: what photons with at most `max_events` events say. Second, the transmittance of the stretch.
     pub fn gather(
@@ -96,7 +101,13 @@ pub fn emitted(medium: &Medium, ray: &Ray, (a, b): (f64, f64), mut jitter: impl 
             // ∫ e^{−σD} dD; 1/σ over an infinite depth.
             let mean = medium.extinction.map(|sigma| match sigma * depth {
                 tau if tau.is_infinite() => 1.0 / sigma,
-                tau => if sigma > 0.0 { depth * one_minus_exp_over(tau) } else { 0.0 },
+                tau => {
+                    if sigma > 0.0 {
+                        depth * one_minus_exp_over(tau)
+                    } else {
+                        0.0
+                    }
+                }
             });
             medium.emitted(DVec3::ZERO) * mean
         }

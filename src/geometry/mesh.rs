@@ -84,7 +84,7 @@ impl Mesh {
         let boxes: Vec<Bounds> =
             triangles.iter().map(|t| Bounds::of_points(t.map(|i| positions[i as usize].as_dvec3()))).collect();
         let tree = Tree::new(&boxes);
-        let triangles: Vec<[u32; 3]> = tree.order().iter().map(|&i| triangles[i as usize]).collect();
+        let mut triangles: Vec<[u32; 3]> = tree.order().iter().map(|&i| triangles[i as usize]).collect();
         let bounds = boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(*b));
         // ---- areas and normals
         let cross = |t: &[u32; 3]| {
@@ -113,7 +113,28 @@ impl Mesh {
             given.map(|(n, &s)| n.try_normalize().unwrap_or(means[s as usize].normalize_or_zero().as_vec3())).collect()
         });
         let uvs = (uvs.len() == positions.len()).then_some(uvs);
-        Ok(Mesh { positions, normals, uvs, triangles, areas, tree, bounds, closed, volume })
+        // ---- vertices in the order of their first use: neighbours lie together in memory
+        let mut place = vec![u32::MAX; positions.len()];
+        let mut used = Vec::with_capacity(positions.len());
+        for i in triangles.iter_mut().flatten() {
+            let place = &mut place[*i as usize];
+            if *place == u32::MAX {
+                *place = used.len() as u32;
+                used.push(*i as usize);
+            }
+            *i = *place;
+        }
+        Ok(Mesh {
+            positions: used.iter().map(|&i| positions[i]).collect(),
+            normals: normals.map(|normals: Vec<Vec3>| used.iter().map(|&i| normals[i]).collect()),
+            uvs: uvs.map(|uvs| used.iter().map(|&i| uvs[i]).collect()),
+            triangles,
+            areas,
+            tree,
+            bounds,
+            closed,
+            volume,
+        })
     }
 
     /// How many triangles there are, without those whose corners coincide.

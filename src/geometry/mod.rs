@@ -35,9 +35,6 @@ use smallvec::SmallVec;
 use std::f64::consts::TAU;
 use tree::Tree;
 
-/// Up to this many placed shapes are tried one after the other; a tree wins above.
-const LOOP_LIMIT: usize = 12;
-
 /// Where a ray meets a surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Hit {
@@ -129,22 +126,17 @@ pub struct Near {
 #[derive(Debug)]
 pub struct Geometry {
     placed: Vec<Placed>,
-    /// None for a handful of shapes.
-    tree: Option<Tree>,
+    /// Measured to win over a loop from four shapes on.
+    tree: Tree,
     bounds: Bounds,
 }
 
 impl Geometry {
     /// The shapes' ids are their indices.
     pub fn new(placed: Vec<Placed>) -> Self {
-        Self::with_loop_limit(placed, LOOP_LIMIT)
-    }
-
-    fn with_loop_limit(placed: Vec<Placed>, limit: usize) -> Self {
         let boxes: Vec<Bounds> = placed.iter().map(Placed::bounds).collect();
         let bounds = boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(*b));
-        let tree = (placed.len() > limit).then(|| Tree::new(&boxes));
-        Geometry { placed, tree, bounds }
+        Geometry { tree: Tree::new(&boxes), placed, bounds }
     }
 
     /// The shapes, by id.
@@ -166,27 +158,16 @@ impl Geometry {
     #[inline]
     fn crossings(&self, ray: &Ray, t_min: f64, t_max: f64, mut visit: impl FnMut(Crossing) -> f64) {
         let mut limit = t_max;
-        let mut shape = |id: u32| {
+        let order = self.tree.order();
+        self.tree.along(ray, t_min, t_max, |i| {
+            let id = order[i as usize];
             let before = limit;
             self.placed[id as usize].crossings(ray, t_min, before, &mut |t, primitive, weights| {
                 limit = visit(Crossing { t, id, primitive, weights });
                 limit
             });
             limit
-        };
-        match &self.tree {
-            None => {
-                for id in 0..self.placed.len() as u32 {
-                    if shape(id) < t_min {
-                        return;
-                    }
-                }
-            }
-            Some(tree) => {
-                let order = tree.order();
-                tree.along(ray, t_min, t_max, |i| shape(order[i as usize]));
-            }
-        }
+        });
     }
 
     /// The nearest hit with `t_min < t < t_max` and those that coincide with it go into `out`. Returns
@@ -256,18 +237,13 @@ impl Geometry {
     /// The ids of all closed shapes that contain `p` go into `out`, ascending.
     pub fn containing(&self, p: DVec3, out: &mut SmallVec<[u32; 8]>) {
         out.clear();
-        let mut test = |id: u32| {
-            if self.bounds(id).contains(p) && self.contains(id, p) {
+        self.tree.overlapping(&Bounds { min: p, max: p }, |i| {
+            let id = self.tree.order()[i as usize];
+            if self.contains(id, p) {
                 out.push(id);
             }
-        };
-        match &self.tree {
-            None => (0..self.placed.len() as u32).for_each(test),
-            Some(tree) => {
-                tree.overlapping(&Bounds { min: p, max: p }, |i| test(tree.order()[i as usize]));
-                out.sort_unstable();
-            }
-        }
+        });
+        out.sort_unstable();
     }
 
     /// The area of a shape in the world.
@@ -309,7 +285,7 @@ impl Geometry {
     }
 
     /// The density, per solid angle at `from`, with which [`Geometry::sample_toward`] draws the place of
-    /// `hit`, which lies in `direction`; 0 for the far side of a sphere seen from outside.
+    /// `hit`, which a ray from there in `direction` found; 0 for the far side of a sphere seen from outside.
     pub fn pdf_toward(&self, id: u32, from: DVec3, hit: &Hit, direction: DVec3) -> f64 {
         let cosine = direction.dot(hit.normal);
         if let Some(cone) = Cone::of(&self.placed[id as usize], from) {
@@ -327,7 +303,8 @@ impl Geometry {
     pub fn nearest_surfaces(&self, p: DVec3, radius: f64, mut visit: impl FnMut(Near)) {
         let around = Bounds { min: p - radius, max: p + radius };
         let mut merged: SmallVec<[Near; 16]> = SmallVec::new();
-        let mut shape = |id: u32| {
+        self.tree.overlapping(&around, |i| {
+            let id = self.tree.order()[i as usize];
             let placed = &self.placed[id as usize];
             if !placed.bounds().overlaps(&around) {
                 return;
@@ -348,11 +325,7 @@ impl Geometry {
                 }
             });
             merged.iter().for_each(|near| visit(*near));
-        };
-        match &self.tree {
-            None => (0..self.placed.len() as u32).for_each(shape),
-            Some(tree) => tree.overlapping(&around, |i| shape(tree.order()[i as usize])),
-        }
+        });
     }
 }
 
@@ -701,9 +674,9 @@ mod tests {
                 let s = geometry.sample_toward(0, DVec3::ZERO, u).unwrap();
                 assert!(s.pdf.is_finite() && (s.normal.length() - 1.0).abs() < 1e-12);
                 assert!(s.normal.dot(s.direction) <= 1e-7, "seen from behind");
-                let rounding = 1e-13 * (radius + gap) + 1e-15 * radius / gap.min(1.0);
-                assert!((s.distance * s.direction).distance(s.point) <= rounding.max(1e-7 * radius.min(gap)));
-                assert!(s.distance >= gap * (1.0 - 1e-6) - 1e-15 * radius);
+                let rounding = 512.0 * f64::EPSILON * (radius + gap);
+                assert!((s.distance * s.direction).distance(s.point) <= rounding);
+                assert!(s.distance >= gap - rounding);
             }
         }
     }
@@ -725,11 +698,10 @@ mod tests {
         let mut r = random(1);
         for count in [1, 2, 30, 300] {
             let placed = crowd(&mut r, count);
-            let tree = Geometry::with_loop_limit(placed.clone(), 0);
-            let plain = Geometry::with_loop_limit(placed, usize::MAX);
-            let (mut a, mut b) = (Cluster::default(), Cluster::default());
-            let key = |hit: &Hit| (hit.t.to_bits(), hit.id, hit.primitive);
-            for i in 0..2000 {
+            let alone: Vec<Geometry> = placed.iter().map(|p| Geometry::new(vec![p.clone()])).collect();
+            let tree = Geometry::new(placed);
+            let mut cluster = Cluster::default();
+            for i in 0..1000 {
                 let mut ray = Ray::new(if i % 2 == 0 { 3.0 } else { 300.0 } * in_cube(&mut r), direction(&mut r));
                 if i % 2 == 1 {
                     ray.direction = (2.0 * in_cube(&mut r) - ray.origin).normalize();
@@ -739,28 +711,41 @@ mod tests {
                     ray.direction = DVec3::AXES[i % 3] * if i % 4 < 2 { 1.0 } else { -1.0 };
                     ray.origin = 2.0 * in_cube(&mut r) - 5.0 * ray.direction;
                 }
-                assert_eq!(tree.intersect(&ray, 0.1, 600.0, &mut a), plain.intersect(&ray, 0.1, 600.0, &mut b));
-                assert!(a.hits().iter().map(key).eq(b.hits().iter().map(key)));
-                let (mut x, mut y) = (Vec::new(), Vec::new());
-                tree.all_hits(&ray, 0.1, 600.0, |hit| x.push(key(&hit)));
-                plain.all_hits(&ray, 0.1, 600.0, |hit| y.push(key(&hit)));
-                x.sort_unstable();
-                y.sort_unstable();
-                assert_eq!(x, y);
+                // ---- all hits
+                let (mut found, mut expected) = (Vec::new(), Vec::new());
+                tree.all_hits(&ray, 0.1, 600.0, |hit| found.push((hit.t.to_bits(), hit.id, hit.primitive)));
+                for (id, shape) in tree.placed().iter().enumerate() {
+                    shape.crossings(&ray, 0.1, 600.0, &mut |t, primitive, _| {
+                        expected.push((t.to_bits(), id as u32, primitive));
+                        600.0
+                    });
+                }
+                found.sort_unstable();
+                expected.sort_unstable();
+                assert_eq!(found, expected);
+                // ---- the nearest with its company, and whether anything is in the way
+                let nearest = expected.first().map_or(f64::INFINITY, |hit| f64::from_bits(hit.0));
+                expected.retain(|hit| f64::from_bits(hit.0) <= nearest + error_bound(&ray, nearest));
+                assert_eq!(tree.intersect(&ray, 0.1, 600.0, &mut cluster), nearest < 600.0);
+                let key = |hit: &Hit| (hit.t.to_bits(), hit.id, hit.primitive);
+                assert!(cluster.hits().iter().map(key).eq(expected));
                 let blocks = |id: u32| id % 3 == 1;
-                assert_eq!(tree.occluded(&ray, 0.1, 600.0, blocks), x.iter().any(|hit| blocks(hit.1)));
-                assert_eq!(plain.occluded(&ray, 0.1, 600.0, blocks), x.iter().any(|hit| blocks(hit.1)));
-                let (mut x, mut y) = (SmallVec::new(), SmallVec::new());
+                assert_eq!(tree.occluded(&ray, 0.1, 600.0, blocks), found.iter().any(|hit| blocks(hit.1)));
+                // ---- what is around a point
                 let p = 2.0 * in_cube(&mut r);
-                tree.containing(p, &mut x);
-                plain.containing(p, &mut y);
-                assert_eq!(x, y);
-                let (mut x, mut y) = (Vec::new(), Vec::new());
-                tree.nearest_surfaces(p, 0.3, |near| x.push((near.id, near.primitive, near.distance.to_bits())));
-                plain.nearest_surfaces(p, 0.3, |near| y.push((near.id, near.primitive, near.distance.to_bits())));
-                x.sort_unstable();
-                y.sort_unstable();
-                assert_eq!(x, y);
+                let mut inside = SmallVec::new();
+                tree.containing(p, &mut inside);
+                assert!((0..count as u32).filter(|&id| tree.contains(id, p)).eq(inside));
+                let (mut found, mut expected) = (Vec::new(), Vec::new());
+                tree.nearest_surfaces(p, 0.3, |near| found.push((near.id, near.primitive, near.distance.to_bits())));
+                for (id, one) in alone.iter().enumerate() {
+                    one.nearest_surfaces(p, 0.3, |near| {
+                        expected.push((id as u32, near.primitive, near.distance.to_bits()));
+                    });
+                }
+                found.sort_unstable();
+                expected.sort_unstable();
+                assert_eq!(found, expected);
             }
         }
     }
@@ -793,6 +778,35 @@ mod tests {
                     assert!(geometry.intersect(&out, 0.0, 1e9, &mut cluster), "slipped in");
                     assert!((cluster.nearest().unwrap().t - 3.0 * distance).abs() < 1e-2);
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn no_ray_leaves_a_room_of_quads_through_its_edges() {
+        let (low, high) = (DVec3::new(0.1, -0.7, 1.3), DVec3::new(5.7, 2.2, 4.9));
+        let e = (high - low).to_array();
+        for transform in transforms() {
+            let walls = (0..6).map(|i| {
+                let (u, v) = ((i + 1) % 3, (i + 2) % 3);
+                let (u, v) = (DVec3::AXES[u] * e[u], DVec3::AXES[v] * e[v]);
+                let shape = Quad::new(if i < 3 { low } else { high - u - v }, u, v).unwrap();
+                Placed::new(Shape::Quad(shape), transform).unwrap()
+            });
+            let geometry = Geometry::new(walls.collect());
+            let mut r = random(5);
+            for i in 0..20_000 {
+                let from = low.lerp(high, 0.5) + 0.4 * (high - low) * in_cube(&mut r);
+                let pick = |r: &mut Stream| DVec3::new(r.uniform(), r.uniform(), r.uniform()).round();
+                // A corner, or a point of the edge there.
+                let mut share = pick(&mut r).to_array();
+                if i % 4 > 0 {
+                    share[i % 3] = r.uniform();
+                }
+                let target = low + DVec3::from_array(share) * (high - low);
+                let [from, target] = [from, target].map(|p| transform.transform_point3(p));
+                let ray = Ray::new(from, (target - from).normalize());
+                assert!(geometry.occluded(&ray, 0.0, 100.0, |_| true), "a gap at {target}");
             }
         }
     }
@@ -915,6 +929,36 @@ mod tests {
                     seen += 1;
                 });
                 assert_eq!(seen, 3);
+            }
+        }
+    }
+
+    #[test]
+    fn sides_of_open_shapes_follow_the_transform() {
+        for transform in transforms() {
+            let m = transform.matrix3;
+            for shape in shapes() {
+                let mesh =
+                    Mesh::new(vec![Vec3::ZERO, Vec3::X, Vec3::new(0.2, 1.0, 0.3)], vec![[0, 1, 2]], true).unwrap();
+                let (expected, shape) = match shape {
+                    Shape::Quad(q) => {
+                        let [_, u, v] = q.face();
+                        ((m * u).cross(m * v), Shape::Quad(q))
+                    }
+                    Shape::Disk(d) => (m.inverse().transpose() * d.normal(), Shape::Disk(d)),
+                    // In place of the sphere, an open mesh.
+                    Shape::Sphere(_) => (m.inverse().transpose() * mesh.normal(0), Shape::Mesh(Arc::new(mesh))),
+                    _ => continue,
+                };
+                let geometry = Geometry::new(vec![Placed::new(shape, transform).unwrap()]);
+                let sample = geometry.sample_area(0, [0.3, 0.6]);
+                assert!(sample.normal.distance(expected.normalize()) < 1e-6);
+                for side in [1.0, -1.0] {
+                    let ray = Ray::new(sample.point + side * sample.normal, -side * sample.normal);
+                    let mut cluster = Cluster::default();
+                    assert!(geometry.intersect(&ray, 0.0, 2.0, &mut cluster));
+                    assert!(cluster.nearest().unwrap().normal.distance(sample.normal) < 1e-12);
+                }
             }
         }
     }

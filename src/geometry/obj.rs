@@ -1,4 +1,8 @@
 //! Wavefront OBJ files: vertices, texture coordinates, normals and faces; the rest is skipped.
+//!
+//! The format is read here and not by `tobj`, which tests compare it with: `tobj` 4.0.5 cuts concave
+//! polygons into fans that overlap, names no lines in its errors, and computes places of hostile
+//! indices in arithmetic that overflows.
 
 use super::Mesh;
 use super::mesh::{MAX_TRIANGLES, Parts};
@@ -271,6 +275,49 @@ mod tests {
         v 0 0 1\nv 1 0 1\nv 0 1 1\nv 1 1 1\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl x\ns 1\n\
         f 1/1 2/2 4/3 3/4\nf 5/1 7/2 8/3 6/4\nv -0 0 0\nf 9/1 5/2 6/3 \\\n2/4\nv 0 0 0\nf 10 3 7 5\n\
         f -9/-4 -5/-3 -3/-2 -7/-1\nf 3/1 4/2 8/3 7/4 # end\nl 1 2\np 1\n";
+
+    /// Triangles and convex quads, where `tobj` is right.
+    #[test]
+    fn tobj_reads_the_same() {
+        let mut text = String::new();
+        let (rows, columns) = (9, 14);
+        for j in 0..=rows {
+            for i in 0..columns {
+                let (theta, phi) = (3.1 * (j as f64 + 0.1) / rows as f64, 6.283 * i as f64 / columns as f64);
+                let r = 1.0 + 0.1 * (3.0 * phi).sin() * theta.sin();
+                let (x, y, z) = (r * theta.sin() * phi.cos(), r * theta.cos(), r * theta.sin() * phi.sin());
+                text += &format!("v {x} {y} {z}\nvn {x} {y} {z}\n");
+            }
+        }
+        for j in 0..rows {
+            for i in 0..columns {
+                let at = |i: usize, j: usize| 1 + j * columns + i % columns;
+                let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+                text += &match (i + j) % 3 {
+                    0 => format!("f {a}//{a} {b}//{b} {c}//{c}\nf {a}//{a} {c}//{c} {d}//{d}\n"),
+                    1 => format!("f {a} {b} {c}\nf {a} {c} {d}\n"),
+                    _ => format!("f {b}//{b} {c}//{c} {d}//{d} {a}//{a}\n"),
+                };
+            }
+        }
+        let ours = load(text.as_bytes(), true).unwrap();
+        let options = tobj::LoadOptions { triangulate: true, ..Default::default() };
+        let (theirs, _) = tobj::load_obj_buf(&mut text.as_bytes(), &options, |_| Ok(Default::default())).unwrap();
+        let (mut count, mut area) = (0, 0.0);
+        let mut bounds = crate::math::Bounds::EMPTY;
+        for model in theirs {
+            let corner = |i: u32| Vec3::from_slice(&model.mesh.positions[3 * i as usize..][..3]).as_dvec3();
+            for triangle in model.mesh.indices.chunks(3) {
+                let [a, b, c] = [corner(triangle[0]), corner(triangle[1]), corner(triangle[2])];
+                count += 1;
+                area += 0.5 * (b - a).cross(c - a).length();
+                bounds = bounds.union(crate::math::Bounds::of_points([a, b, c]));
+            }
+        }
+        assert_eq!(ours.triangle_count(), count);
+        assert!((ours.area() / area - 1.0).abs() < 1e-6, "{} against {area}", ours.area());
+        assert_eq!(ours.bounds(), bounds);
+    }
 
     #[test]
     fn a_cube_of_quads_is_closed_and_faces_out() {

@@ -3,15 +3,14 @@
 use crate::math::{Bounds, DVec3, Ray};
 use glam::{UVec2, Vec3A};
 use obvhs::aabb::Aabb;
-use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
+use obvhs::bvh2::Bvh2;
+use obvhs::bvh2::node::Bvh2Node;
 use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
 use obvhs::cwbvh::node::CwBvhNode;
 use obvhs::cwbvh::{CwBvh, firstbithigh};
-use obvhs::ploc::PlocBuilder;
-use obvhs::{Boundable, BvhBuildParams};
 use smallvec::SmallVec;
 
-/// Compressed wide nodes (Ylitie, Karras and Laine 2017, built by `obvhs`) in `f32`. All boxes live in
+/// Compressed wide nodes (Ylitie, Karras and Laine 2017, made by `obvhs`) in `f32`. All boxes live in
 /// the cube [−1, 1]³, whatever the scene's place and size, and rays start where they enter it, so that
 /// rounding to `f32` shifts a plane by less than `PADDING`, by which the boxes are grown: a traversal
 /// visits too much rather than too little.
@@ -30,15 +29,6 @@ const PADDING: f64 = 1e-5;
 /// The nodes' test ignores what lies nearer than 1e-4, so rays start before the cube.
 const LEAD: f64 = 1e-2;
 
-/// A box in the cube.
-struct Item(Aabb);
-
-impl Boundable for Item {
-    fn aabb(&self) -> Aabb {
-        self.0
-    }
-}
-
 /// Groups of nodes still to be visited: deep trees spill to the heap.
 type Pending = SmallVec<[UVec2; 24]>;
 
@@ -54,25 +44,14 @@ impl Tree {
         // A box without extent needs some scale; that of its coordinates keeps padding above rounding.
         let half = half.max(1e-9 * center.abs().max_element()).max(f64::MIN_POSITIVE.sqrt());
         let scale = half.recip();
-        let items: Vec<Item> = boxes
+        let boxes: Vec<Aabb> = boxes
             .iter()
-            .map(|b| {
-                let min = ((b.min - center) * scale - PADDING).as_vec3a();
-                let max = ((b.max - center) * scale + PADDING).as_vec3a();
-                Item(Aabb { min, max })
+            .map(|b| Aabb {
+                min: ((b.min - center) * scale - PADDING).as_vec3a(),
+                max: ((b.max - center) * scale + PADDING).as_vec3a(),
             })
             .collect();
-        let settings = BvhBuildParams::medium_build();
-        let indices = (0..items.len() as u32).collect();
-        let mut binary = PlocBuilder::with_capacity(items.len()).build(
-            settings.ploc_search_distance,
-            &items,
-            indices,
-            settings.sort_precision,
-            settings.search_depth_threshold,
-        );
-        ReinsertionOptimizer::default().run(&mut binary, settings.reinsertion_batch_ratio, None);
-        let nodes = bvh2_to_cwbvh(&binary, settings.max_prims_per_leaf.clamp(1, 3), true, false);
+        let nodes = bvh2_to_cwbvh(&halved(&boxes), 3, true, false);
         Tree { nodes, bounds: all.grown(2.0 * PADDING * half), center, scale }
     }
 
@@ -88,13 +67,16 @@ impl Tree {
     #[inline]
     pub fn along(&self, ray: &Ray, t_min: f64, t_max: f64, mut visit: impl FnMut(u32) -> f64) {
         let Some((start, end)) = self.bounds.clip(ray, t_min, t_max) else { return };
-        if !start.is_finite() || self.nodes.nodes.is_empty() {
+        if self.nodes.nodes.is_empty() {
             return;
         }
         // ---- the ray in the cube
         let speed = ray.direction.length();
         let direction = ray.direction / speed;
         let origin = (ray.at(start) - self.center) * self.scale - LEAD * direction;
+        if !origin.is_finite() {
+            return;
+        }
         let stretch = speed * self.scale;
         let to_cube = |t: f64| (((t.min(end) - start) * stretch + LEAD) * (1.0 + 1e-6)) as f32 + 1e-6;
         // Adding zero turns −0 into 0: the test takes the sign of the reciprocal from the comparison with 0.
@@ -179,9 +161,119 @@ impl Tree {
     }
 }
 
+/// A binary tree by the surface area heuristic over bins (Wald 2007, "On fast construction of SAH-based
+/// bounding volume hierarchies"). Below `MAX_DEPTH`, and where centres coincide, it halves by count: the
+/// merging builders of `obvhs` make lists, not trees, of many equal boxes.
+fn halved(boxes: &[Aabb]) -> Bvh2 {
+    const MAX_DEPTH: u32 = 48;
+    let mut tree = Bvh2::zeroed(boxes.len());
+    if boxes.is_empty() {
+        return tree;
+    }
+    tree.primitive_indices = (0..boxes.len() as u32).collect();
+    let mut used = 1;
+    let mut pending = vec![(0, 0..boxes.len(), 0)];
+    while let Some((node, range, depth)) = pending.pop() {
+        let items = &mut tree.primitive_indices[range.clone()];
+        let around = items.iter().fold(Aabb::empty(), |all, &i| all.union(&boxes[i as usize]));
+        if items.len() == 1 {
+            tree.nodes[node] = Bvh2Node::new(around, 1, range.start as u32);
+            continue;
+        }
+        let cut = if depth < MAX_DEPTH { cut_by_area(boxes, items) } else { None };
+        let middle = range.start + cut.unwrap_or(items.len() / 2);
+        tree.nodes[node] = Bvh2Node::new(around, 0, used as u32);
+        pending.push((used, range.start..middle, depth + 1));
+        pending.push((used + 1, middle..range.end, depth + 1));
+        used += 2;
+    }
+    tree
+}
+
+/// Reorders `items` so that those before the returned place and those after make the cheapest pair of
+/// boxes, among cuts between bins; `None` if all are in one bin.
+fn cut_by_area(boxes: &[Aabb], items: &mut [u32]) -> Option<usize> {
+    const BINS: usize = 16;
+    let middle = |i: u32| boxes[i as usize].min + boxes[i as usize].max;
+    let (low, high) = items
+        .iter()
+        .fold((Vec3A::INFINITY, Vec3A::NEG_INFINITY), |(low, high), &i| (low.min(middle(i)), high.max(middle(i))));
+    let scale = (BINS as f32 * (1.0 - 1e-6)) / (high - low).max(Vec3A::splat(f32::MIN_POSITIVE));
+    let bin = |i: u32| ((middle(i) - low) * scale).clamp(Vec3A::ZERO, Vec3A::splat(BINS as f32 - 1.0));
+    let mut bins = [[(Aabb::empty(), 0u32); BINS]; 3];
+    for &i in items.iter() {
+        for (slots, at) in bins.iter_mut().zip(bin(i).to_array()) {
+            let (around, count) = &mut slots[at as usize];
+            *around = around.union(&boxes[i as usize]);
+            *count += 1;
+        }
+    }
+    let mut best: Option<(f32, usize, usize)> = None;
+    for (axis, slots) in bins.iter().enumerate() {
+        // ---- from the right, then from the left
+        let mut behind = [0.0; BINS];
+        let (mut around, mut count) = (Aabb::empty(), 0);
+        for k in (1..BINS).rev() {
+            around = around.union(&slots[k].0);
+            count += slots[k].1;
+            behind[k] = if count == 0 { f32::INFINITY } else { around.half_area() * count as f32 };
+        }
+        let (mut around, mut count) = (Aabb::empty(), 0);
+        for k in 1..BINS {
+            around = around.union(&slots[k - 1].0);
+            count += slots[k - 1].1;
+            let cost = if count == 0 { f32::INFINITY } else { around.half_area() * count as f32 + behind[k] };
+            if cost < best.map_or(f32::INFINITY, |b| b.0) {
+                best = Some((cost, axis, k));
+            }
+        }
+    }
+    let (_, axis, cut) = best?;
+    let mut place = 0;
+    for j in 0..items.len() {
+        if (bin(items[j]).to_array()[axis] as usize) < cut {
+            items.swap(place, j);
+            place += 1;
+        }
+    }
+    Some(place)
+}
+
 /// The order in which children are visited, for all four bytes (Ylitie et al. 2017, section 3.3).
 fn octant(direction: Vec3A) -> u32 {
     let bit = |negative: bool, value: u32| if negative { 0 } else { value };
     let o = bit(direction.x < 0.0, 4) | bit(direction.y < 0.0, 2) | bit(direction.z < 0.0, 1);
     o * 0x0101_0101
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::{Duration, Instant};
+
+    /// Equal boxes and boxes nested in a geometric series, the worst for builders, make shallow trees soon.
+    #[test]
+    fn degenerate_boxes_make_shallow_trees() {
+        for shrink in [1.0, 0.9, 0.999] {
+            let boxes: Vec<Bounds> = (0..50_000)
+                .map(|i| Bounds { min: DVec3::ZERO, max: DVec3::splat(f64::powi(shrink, i.min(6000))) })
+                .collect();
+            let start = Instant::now();
+            let tree = Tree::new(&boxes);
+            assert!(start.elapsed() < Duration::from_secs(20));
+            let mut depth = vec![0; tree.nodes.nodes.len()];
+            for (i, node) in tree.nodes.nodes.iter().enumerate() {
+                for child in (0..8).filter(|&c| !node.is_child_empty(c) && !node.is_leaf(c)) {
+                    depth[node.child_node_index(child) as usize] = depth[i] + 1;
+                }
+            }
+            assert!(depth.iter().all(|&d| d < 70));
+            let mut found = 0;
+            tree.along(&Ray::new(DVec3::new(-1.0, 0.0, 0.0), DVec3::X), 0.0, 9.0, |_| {
+                found += 1;
+                9.0
+            });
+            assert_eq!(found, boxes.len());
+        }
+    }
 }

@@ -46,12 +46,6 @@ impl Image {
         Image { width, height, pixels }
     }
 
-    /// An image of pixels given row by row from the top left; `None` unless there are
-    /// `width · height` of them.
-    pub fn from_pixels(width: usize, height: usize, pixels: Vec<[f32; 3]>) -> Option<Self> {
-        (width.checked_mul(height) == Some(pixels.len())).then_some(Image { width, height, pixels })
-    }
-
     /// The pixel in column `x` of row `y`. Panics outside the image.
     pub fn get(&self, x: usize, y: usize) -> [f32; 3] {
         assert!(x < self.width, "column {x} of an image {} wide", self.width);

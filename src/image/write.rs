@@ -25,12 +25,7 @@ pub fn write_aside(
 
 fn replace(target: &Path, fill: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>) -> io::Result<()> {
     let folder = folder_of(target);
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".volpm-").suffix(".part");
-    // Temporary files are private by default; the process's umask still applies to this.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let mut aside = builder.tempfile_in(&folder)?;
+    let mut aside = aside().tempfile_in(&folder)?;
 
     let mut buffer = BufWriter::with_capacity(1 << 16, aside.as_file_mut());
     fill(&mut buffer)?;
@@ -49,8 +44,18 @@ fn replace(target: &Path, fill: impl FnOnce(&mut BufWriter<&mut File>) -> io::Re
     Ok(())
 }
 
-/// Checks before the work starts that a file could be written at `path`: its folder exists, and
-/// nothing but a file is in its place.
+/// How files are named until they are whole.
+fn aside() -> tempfile::Builder<'static, 'static> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".volpm-").suffix(".part");
+    // Temporary files are private by default; the process's umask still applies to this.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    builder
+}
+
+/// Checks before the work starts that a file could be written at `path`: its folder exists and takes
+/// new files, and nothing but a file is in its place.
 ///
 /// Errors: [`Error::Output`].
 pub fn check_target(path: impl AsRef<Path>) -> Result<()> {
@@ -70,7 +75,12 @@ pub fn check_target(path: impl AsRef<Path>) -> Result<()> {
     match fs::metadata(path) {
         Ok(metadata) if metadata.is_dir() => Err(Error::output(path, "this is a folder; name a file in it")),
         Ok(metadata) if !metadata.is_file() => Err(Error::output(path, "only a plain file can be replaced")),
-        _ => Ok(()),
+        _ => match aside().tempfile_in(&folder) {
+            Ok(_) => Ok(()),
+            Err(error) => {
+                Err(Error::output(path, format!("the folder {} takes no new files: {error}", folder.display())))
+            }
+        },
     }
 }
 

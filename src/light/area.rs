@@ -170,6 +170,6 @@ impl Area {
         let side = if direction.dot(point.normal) >= 0.0 { point.normal } else { -point.normal };
         let at = Ray::new(point.point, direction);
         let origin = point.point + side * error_bound(&at, 0.0).max(error_bound(&at, self.bounds.diagonal()));
-        Some(Departure { ray: Ray::new(origin, direction), power, shape: Some(self.shape) })
+        Some(Departure { ray: Ray::new(origin, direction), power })
     }
 }

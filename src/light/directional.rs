@@ -83,9 +83,7 @@ impl Directional {
         let frame = Frame::around(direction);
         let origin = match self.beam {
             Some((center, radius)) => center + radius * (x * frame.x + y * frame.y),
-            None => {
-                surroundings.center + surroundings.radius * (x * frame.x + y * frame.y - direction)
-            }
+            None => surroundings.center + surroundings.radius * (x * frame.x + y * frame.y - direction),
         };
         // The cone is drawn uniformly: each direction carries L dω over the disc that faces it.
         let power = if self.has_size() {
@@ -93,7 +91,7 @@ impl Directional {
         } else {
             self.power(surroundings)
         };
-        Departure { ray: Ray::new(origin, direction), power, shape: None }
+        Departure { ray: Ray::new(origin, direction), power }
     }
 
     fn is_in_cone(&self, direction: DVec3) -> bool {

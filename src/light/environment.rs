@@ -123,7 +123,6 @@ impl Environment {
         (density > 0.0).then(|| Departure {
             ray: Ray::new(origin, -towards),
             power: self.radiance(towards) * (PI * surroundings.radius.powi(2) / density),
-            shape: None,
         })
     }
 }
@@ -156,8 +155,7 @@ impl Map {
         let (width, height) = (self.image.width, self.image.height);
         let mut sum = Rgb::ZERO;
         for y in 0..height {
-            let share =
-                0.5 * ((PI * y as f64 / height as f64).cos() - (PI * (y + 1) as f64 / height as f64).cos());
+            let share = 0.5 * ((PI * y as f64 / height as f64).cos() - (PI * (y + 1) as f64 / height as f64).cos());
             for x in 0..width {
                 sum += texel(&self.image, x as isize, y as isize) * (share / width as f64);
             }

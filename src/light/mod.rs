@@ -60,8 +60,6 @@ pub struct Departure {
     pub ray: Ray,
     /// The power it stands for: that of its light, if all were drawn alike.
     pub power: Rgb,
-    /// The placed shape it starts on, if it does.
-    pub shape: Option<u32>,
 }
 
 /// A sphere around everything that light from infinity can reach.

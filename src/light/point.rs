@@ -34,6 +34,6 @@ impl Point {
 
     pub(super) fn depart(&self, stream: &mut Stream) -> Departure {
         let direction = sampling::sphere(stream.uniform2()).normalize();
-        Departure { ray: Ray::new(self.position, direction), power: self.power(), shape: None }
+        Departure { ray: Ray::new(self.position, direction), power: self.power() }
     }
 }

@@ -88,6 +88,6 @@ impl Spot {
     pub(super) fn depart(&self, stream: &mut Stream) -> Departure {
         let direction = self.cone.sample(stream.uniform2());
         let power = self.cone.share(direction) * self.cone.outer_solid_angle() * self.intensity;
-        Departure { ray: Ray::new(self.position, direction), power, shape: None }
+        Departure { ray: Ray::new(self.position, direction), power }
     }
 }

@@ -45,11 +45,6 @@ impl Bounds {
         p.cmpge(self.min).all() && p.cmple(self.max).all()
     }
 
-    /// Whether `other` lies inside.
-    pub fn contains_box(&self, other: &Self) -> bool {
-        self.contains(other.min) && self.contains(other.max)
-    }
-
     /// Grown by `margin` on every side.
     pub fn grown(self, margin: f64) -> Self {
         Bounds { min: self.min - margin, max: self.max + margin }

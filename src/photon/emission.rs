@@ -61,9 +61,7 @@ impl<'s> Sources<'s> {
             let inside = match light {
                 Light::Point(point) => Some(scene.inside(point.position)),
                 Light::Spot(spot) => Some(scene.inside(spot.position)),
-                Light::Area(area) if !boxes.iter().any(|solid| solid.overlaps(&area.bounds)) => {
-                    Some(Inside::default())
-                }
+                Light::Area(area) if !boxes.iter().any(|solid| solid.overlaps(&area.bounds)) => Some(Inside::default()),
                 _ => scene.solids.is_empty().then(Inside::default),
             };
             sources.push(Source::Light(index as u32, inside));
@@ -109,8 +107,7 @@ impl<'s> Sources<'s> {
 
     fn start_at_light(&self, index: u32, inside: Option<&Inside>, stream: &mut Stream) -> Option<Start> {
         let light = &self.scene.lights[index as usize];
-        let Departure { ray, mut power, .. } =
-            light.depart(&self.scene.geometry, &self.scene.surroundings, stream)?;
+        let Departure { ray, mut power } = light.depart(&self.scene.geometry, &self.scene.surroundings, stream)?;
         if light.is_infinite() {
             // What it lost in the world's medium before it came near.
             if let Some(world) = self.scene.world {

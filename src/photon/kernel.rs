@@ -26,7 +26,7 @@ pub fn disc_share(s: f64) -> f64 {
 }
 
 /// Minimax coefficients of `(C(s) − ½)/s` in powers of s²: C to 1.8·10⁻⁶ on [0, 1].
-const DISC_SHARE: [f32; 6] = [1.018_613_6, -0.849_362_2, 0.385_660_88, -0.056_013_74, 0.009_226_29, -0.008_123_027];
+const DISC_SHARE: [f32; 6] = [1.018_613_6, -0.849_362_2, 0.385_660_9, -0.056_013_74, 0.009_226_29, -0.008_123_027];
 
 /// [`disc_share`] of √s², in lanes, to 3·10⁻⁶.
 #[inline(always)]

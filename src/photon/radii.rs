@@ -166,8 +166,8 @@ impl Task for Search<'_> {
             let start = block.saturating_sub(window / 2).min(self.blocks.len().saturating_sub(window));
             let around = &self.blocks[start..(start + window).min(self.blocks.len())];
             let mut bounds = [0.0f32; LANES];
-            for lane in 0..count {
-                let x = [0, 1, 2].map(|axis| L::splat(own[axis].0[lane]));
+            for (lane, bound) in bounds[..count].iter_mut().enumerate() {
+                let x = [L::splat(own[0].0[lane]), L::splat(own[1].0[lane]), L::splat(own[2].0[lane])];
                 let mut largest = L::splat(0.0);
                 list.count = 0;
                 for other in around {
@@ -176,7 +176,7 @@ impl Task for Search<'_> {
                     largest = largest.max(d2.keep(real));
                     list.push(d2, L::bits(real));
                 }
-                bounds[lane] = list.select::<L>(wanted, largest.largest());
+                *bound = list.select::<L>(wanted, largest.largest());
             }
 
             // Nodes with blocks near this one.
@@ -190,7 +190,8 @@ impl Task for Search<'_> {
                         high[axis] = high[axis].max(x);
                     }
                 }
-                let (low, high) = (low.map(L::splat), high.map(L::splat));
+                let low = [L::splat(low[0]), L::splat(low[1]), L::splat(low[2])];
+                let high = [L::splat(high[0]), L::splat(high[1]), L::splat(high[2])];
                 let mut stack = [0u32; STACK];
                 let mut waiting = 1;
                 while waiting > 0 {
@@ -218,7 +219,7 @@ impl Task for Search<'_> {
                     out[lane] = 0.0;
                     continue;
                 }
-                let x = [0, 1, 2].map(|axis| L::splat(own[axis].0[lane]));
+                let x = [L::splat(own[0].0[lane]), L::splat(own[1].0[lane]), L::splat(own[2].0[lane])];
                 list.count = 0;
                 for &(index, leaves) in near.iter() {
                     let node = &self.nodes[index as usize];
@@ -243,7 +244,9 @@ impl Task for Search<'_> {
 /// Squared distances from a point to a block's photons; infinite in lanes without a photon.
 #[inline(always)]
 fn squared<L: Lanes>(block: &Block, x: &[L; 3]) -> L {
-    let [dx, dy, dz] = [0, 1, 2].map(|axis| L::load(&block.position[axis]).sub(x[axis]));
+    let dx = L::load(&block.position[0]).sub(x[0]);
+    let dy = L::load(&block.position[1]).sub(x[1]);
+    let dz = L::load(&block.position[2]).sub(x[2]);
     dx.mul_add(dx, dy.mul_add(dy, dz.mul(dz)))
 }
 

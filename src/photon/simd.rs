@@ -145,9 +145,10 @@ pub(crate) trait Lanes: Copy {
     fn compress_indices(values: &[u32; LANES], bits: u16, out: &mut [u32; LANES]);
 }
 
-/// The coefficients of `(2^f − 1)/f` on [−½, ½]: minimax in the relative error of `2^f`, 2.6·10⁻⁹,
-/// and exact at 0, so that no extinction means a transmittance of exactly 1.
-const EXP2: [f32; 6] = [0.693_147_2, 0.240_226_53, 0.055_503_106, 0.009_617_693, 0.001_340_664_4, 0.000_155_946_77];
+/// The coefficients of `(2^f − 1)/f` on [−½, ½]: minimax in the relative error of `2^f`, 2·10⁻⁸
+/// once rounded, and exact at 0, so that no extinction means a transmittance of exactly 1.
+const EXP2: [f32; 6] =
+    [std::f32::consts::LN_2, 0.240_226_53, 0.055_503_106, 0.009_617_693, 0.001_340_664_4, 0.000_155_946_77];
 
 /// Below this, 2^x is taken as 2^this: the smallest normal number.
 const EXP2_MIN: f32 = -126.0;

@@ -47,8 +47,10 @@ impl Traced {
 
 /// Never fewer photons than this are emitted.
 const FEWEST: u64 = 10_000;
-/// Emissions of the pilot that tells the yield.
-const PILOT: u64 = 4096;
+/// Emissions of the pilot that tells the yield; more where they store fewer photons than `TELLING`.
+const PILOTS: [u64; 3] = [1 << 12, 1 << 16, 1 << 20];
+/// A pilot that stores so many photons tells enough.
+const TELLING: usize = 64;
 /// Emissions that one task traces.
 const CHUNK: u64 = 1024;
 /// Where fewer emissions than this share collide, first collisions are forced.
@@ -60,7 +62,12 @@ const SAFETY_STOP: u64 = 1_000_000_000;
 
 /// Traces photons. `advance` is told as emissions are done, of [`Pass`]'s number once it is known; `stop` ends
 /// the pass early, its result then worthless.
-pub fn trace(scene: &Scene, pass: &Pass, progress: &(impl Fn(u64, u64) + Sync), stop: &(impl Fn() -> bool + Sync)) -> Traced {
+pub fn trace(
+    scene: &Scene,
+    pass: &Pass,
+    progress: &(impl Fn(u64, u64) + Sync),
+    stop: &(impl Fn() -> bool + Sync),
+) -> Traced {
     let sources = Sources::new(scene);
     let mut tracer = Tracer { scene, sources, forced: false, keep: 1.0 };
     let empty = || Traced { regions: vec![Vec::new(); scene.regions as usize], ..Traced::default() };
@@ -69,20 +76,29 @@ pub fn trace(scene: &Scene, pass: &Pass, progress: &(impl Fn(u64, u64) + Sync), 
     }
 
     // How many to emit is settled beforehand: a count that depends on the photons themselves is biased.
-    let pilot = |tracer: &Tracer| {
-        let chunks = tracer.run(pass, Purpose::Pilot, PILOT, &|_, _| {}, stop);
+    let pilot = |tracer: &Tracer, count: u64| {
+        let chunks = tracer.run(pass, Purpose::Pilot, count, &|_, _| {}, stop);
         let collided: u64 = chunks.iter().map(|chunk| chunk.collided).sum();
         let stored: usize = chunks.iter().map(|chunk| chunk.photons.len()).sum();
-        (collided as f64 / PILOT as f64, stored as f64 / PILOT as f64)
+        (collided as f64 / count as f64, stored)
     };
-    let (mut collided, mut share) = pilot(&tracer);
+    let mut piloted = PILOTS[0];
+    let (mut collided, mut stored) = pilot(&tracer, piloted);
     if collided < RARE {
         tracer.forced = true;
-        (collided, share) = pilot(&tracer);
+        // Small media far from the light.
+        for count in PILOTS {
+            piloted = count;
+            (collided, stored) = pilot(&tracer, count);
+            if stored >= TELLING || stop() {
+                break;
+            }
+        }
     }
     if collided == 0.0 || stop() {
-        return Traced { emitted: PILOT, forced: tracer.forced, ..empty() };
+        return Traced { emitted: piloted, forced: tracer.forced, ..empty() };
     }
+    let share = stored as f64 / piloted as f64;
     let wanted = (pass.target as f64 / share).ceil().max(1.0) as u64;
     let emitted = wanted.max(FEWEST).min(pass.max_emitted);
     let expected = emitted as f64 * share;
@@ -158,7 +174,7 @@ impl Tracer<'_> {
             return;
         }
         let mut flight = Flight { tracer: self, chunk, stream, collided: false };
-        flight.follow(Walk::new(self.scene, start.ray, start.inside), start.power, 0, self.forced);
+        flight.follow(Walk::start(self.scene, start.ray, start.inside), start.power, 0, self.forced);
         if flight.collided {
             chunk.collided += 1;
         }

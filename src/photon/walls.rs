@@ -3,34 +3,44 @@
 use smallvec::SmallVec;
 
 use super::Plane;
+use crate::geometry::Near;
 use crate::math::Vec3;
 use crate::scene::Scene;
 
 /// The three nearest walls within `radius` of a photon: opaque surfaces, and boundaries of its region. A face
-/// counts where the photon stands over it, not past its edge: beyond an edge there is room.
+/// counts where the photon stands over it, not past its edge: beyond an edge there is room. Faces that coincide
+/// are one wall.
 pub fn near(scene: &Scene, position: Vec3, radius: f32, walls: &mut SmallVec<[Plane; 3]>) {
     const MOST: usize = 3;
     let p = position.as_dvec3();
-    let mut around = None;
+    let mut faces: SmallVec<[Near; 8]> = SmallVec::new();
     scene.geometry.nearest_surfaces(p, radius as f64, |near| {
-        let surface = &scene.surfaces[near.id as usize];
         let above = (p - near.point).dot(near.normal);
-        if near.distance - above > 1e-6 * near.distance {
-            return;
-        }
-        let is_wall = surface.material.is_opaque()
-            || surface.solid.is_some_and(|solid| {
-                let inside = around.get_or_insert_with(|| scene.inside(p));
-                scene.region(&inside.with(solid, !inside.contains(solid))) != scene.region(inside)
-            });
-        if !is_wall {
-            return;
-        }
-        let wall = Plane { normal: near.normal.as_vec3(), distance: near.distance as f32 };
-        let at = walls.partition_point(|other| other.distance <= wall.distance);
-        if at < MOST {
-            walls.truncate(MOST - 1);
-            walls.insert(at, wall);
+        if near.distance - above <= 1e-6 * near.distance {
+            faces.push(near);
         }
     });
+    faces
+        .sort_unstable_by(|a, b| a.distance.total_cmp(&b.distance).then((a.id, a.primitive).cmp(&(b.id, b.primitive))));
+    let mut around = None;
+    while let Some(&first) = faces.first() {
+        let coincides = |near: &Near| {
+            near.normal.dot(first.normal) > 1.0 - 1e-9 && near.distance - first.distance <= 1e-6 * f64::from(radius)
+        };
+        let surfaces = faces.iter().filter(|near| coincides(near)).map(|near| &scene.surfaces[near.id as usize]);
+        let opaque = surfaces.clone().any(|surface| surface.material.is_opaque());
+        let is_wall = opaque || {
+            let inside = around.get_or_insert_with(|| scene.inside(p));
+            let solids = surfaces.filter_map(|surface| surface.solid);
+            let beyond = solids.fold(inside.clone(), |beyond, solid| beyond.with(solid, !inside.contains(solid)));
+            scene.region(&beyond) != scene.region(inside)
+        };
+        if is_wall {
+            walls.push(Plane { normal: first.normal.as_vec3(), distance: first.distance as f32 });
+            if walls.len() == MOST {
+                return;
+            }
+        }
+        faces.retain(|near| !coincides(near));
+    }
 }

@@ -84,7 +84,11 @@ fn truncated_normal(u: f64) -> f64 {
     let mut x = 0.0;
     for _ in 0..60 {
         let error = normal_mass(x) - target;
-        if error > 0.0 { high = x } else { low = x }
+        if error > 0.0 {
+            high = x
+        } else {
+            low = x
+        }
         // The density of `normal_mass` is √(2/π) e^{−x²/2}.
         let next = x - error / ((2.0 / std::f64::consts::PI).sqrt() * (-0.5 * x * x).exp());
         let next = if next > low && next < high { next } else { 0.5 * (low + high) };

@@ -155,12 +155,7 @@ pub fn draw(scene: &Scene, stretch: &Stretch, stream: &mut Stream) -> Option<Dra
             };
             let t = stretch.draw_distance(position, stream.uniform())?;
             let arrival = light.arrive(&scene.geometry, stretch.ray.at(t), stream)?;
-            Some(Draw {
-                t,
-                light: index as u32,
-                arrival,
-                density: choice * stretch.distance_density(position, t),
-            })
+            Some(Draw { t, light: index as u32, arrival, density: choice * stretch.distance_density(position, t) })
         }
     }
 }

@@ -79,12 +79,7 @@ pub struct Sample {
 
 impl Default for Sample {
     fn default() -> Self {
-        Sample {
-            radiance: Default::default(),
-            albedo: Rgb::ZERO,
-            normal: DVec3::ZERO,
-            depth: f64::INFINITY,
-        }
+        Sample { radiance: Default::default(), albedo: Rgb::ZERO, normal: DVec3::ZERO, depth: f64::INFINITY }
     }
 }
 
@@ -103,7 +98,7 @@ pub enum Mode<'a> {
 pub const SAFETY_STOP: u64 = 1_000_000_000;
 
 /// Eye weights below this are thinned by roulette where photons are gathered.
-const FAINT: f64 = 0.05;
+const FAINT: f64 = 0.25;
 
 /// Computes radiance along rays.
 pub struct Eye<'s> {
@@ -187,7 +182,7 @@ impl<'s> Eye<'s> {
         let mut sample = Sample::default();
         let path = Path { weight: Rgb::ONE, events: 0, first: None, previous: Previous::Specular };
         let split = matches!(self.mode, Mode::Split);
-        self.follow(Walk::new(self.scene, ray, inside), path, split, &mut sample, context);
+        self.follow(Walk::start(self.scene, ray, inside), path, split, &mut sample, context);
         for radiance in &mut sample.radiance {
             if !radiance.is_finite() {
                 context.tally.broken += 1;
@@ -203,14 +198,7 @@ impl<'s> Eye<'s> {
         most == 0 || events < most
     }
 
-    fn follow(
-        &self,
-        mut walk: Walk<'s>,
-        mut path: Path,
-        split: bool,
-        sample: &mut Sample,
-        context: &mut Context<'_>,
-    ) {
+    fn follow(&self, mut walk: Walk<'s>, mut path: Path, split: bool, sample: &mut Sample, context: &mut Context<'_>) {
         let mut travelled = 0.0;
         loop {
             let mut visitor = Passage { eye: self, path: &mut path, split, sample, context, collision: None };
@@ -277,7 +265,14 @@ impl<'s> Eye<'s> {
             }
             self.light_surface(path, at, lambert.value(), sample, context);
         }
-        let Some(direction) = at.scatter(Side::Eye, &mut path.weight, context.stream) else { return false };
+        // With photons the weight also fades along the way: there is one roulette for both, below.
+        let gathers = matches!(self.mode, Mode::Gather(_));
+        let scattered = if gathers {
+            at.scatter_always(Side::Eye, &mut path.weight, context.stream)
+        } else {
+            at.scatter(Side::Eye, &mut path.weight, context.stream)
+        };
+        let Some(direction) = scattered else { return false };
         path.previous = match diffuse {
             Some(lambert) => {
                 Previous::Surface { point: at.point, density: lambert.density(at.shading_normal, direction) }
@@ -285,9 +280,9 @@ impl<'s> Eye<'s> {
             None => Previous::Specular,
         };
         walk.leave(at, direction);
-        // With photons the weight fades along the way; a path that matters little is not worth its queries.
+        // A path that matters little is not worth its queries.
         let largest = path.weight.max_element();
-        if matches!(self.mode, Mode::Gather(_)) && largest < FAINT {
+        if gathers && largest < FAINT {
             let chance = largest / FAINT;
             path.weight /= chance;
             return context.stream.uniform() < chance;
@@ -359,14 +354,7 @@ impl<'s> Eye<'s> {
         let other = equiangular::density(self.scene, &collision.stretch, collision.t, index, &arrival);
         let share = asked / (asked + by_chance + other / collision.flight_density);
         let mut weight = path.weight * medium.albedo * arrival.radiance * (phase * share / asked);
-        transmit(
-            self.scene,
-            Ray::new(point, arrival.direction),
-            inside,
-            arrival.distance,
-            &mut weight,
-            context.stream,
-        );
+        transmit(self.scene, Ray::new(point, arrival.direction), inside, arrival.distance, &mut weight, context.stream);
         sample.radiance[path.component(true) as usize] += weight;
     }
 
@@ -486,16 +474,16 @@ impl Passage<'_, '_, '_> {
         let glows = matches!(medium.emission, Emission::BlackBody { .. });
         let Context { stream, tally, .. } = &mut *self.context;
         let radiance = &mut self.sample.radiance[component];
-        let collision = transport::fly(medium, segment.ray, range, &mut self.path.weight, stream, tally, |t, weight| {
-            if glows {
-                *radiance += weight * medium.emitted(segment.ray.at(t));
-            }
-        });
+        let collision =
+            transport::fly(medium, segment.ray, range, &mut self.path.weight, stream, tally, |t, weight| {
+                if glows {
+                    *radiance += weight * medium.emitted(segment.ray.at(t));
+                }
+            });
         let Some(t) = collision else { return ControlFlow::Continue(()) };
         let point = segment.ray.at(t);
         let flight_density = stretch.flight_density(medium, t);
-        self.collision =
-            Some((Collision { point, stretch, t, flight_density, phase_density: 0.0 }, segment.medium));
+        self.collision = Some((Collision { point, stretch, t, flight_density, phase_density: 0.0 }, segment.medium));
         ControlFlow::Break(())
     }
 
@@ -512,8 +500,7 @@ impl Passage<'_, '_, '_> {
         let mut walk = Walk::new(eye.scene, *segment.ray, segment.inside.clone());
         let mut path = Path { weight, ..self.path.clone() };
         let flight_density = stretch.flight_density(medium, t);
-        let collision =
-            Collision { point: segment.ray.at(t), stretch, t, flight_density, phase_density: 0.0 };
+        let collision = Collision { point: segment.ray.at(t), stretch, t, flight_density, phase_density: 0.0 };
         if eye.collide(&mut walk, &mut path, collision, segment.medium, self.sample, self.context) {
             eye.follow(walk, path, false, self.sample, self.context);
         }

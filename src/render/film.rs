@@ -137,6 +137,11 @@ impl Film {
         }
     }
 
+    /// Whether any pixel has a sample.
+    pub fn has_samples(&self) -> bool {
+        self.pixels.iter().any(|pixel| pixel.samples > 0)
+    }
+
     /// The image.
     pub fn image(&self) -> Image {
         let pixels = self.pixels.iter().map(|pixel| {
@@ -165,9 +170,8 @@ impl Film {
             let mean = |first: &First, value: [f32; 3]| value.map(|sum| sum / first.hits.max(1) as f32);
             let albedo = self.surfaces.iter().map(|first| mean(first, first.albedo)).collect();
             layers.push(Layer { name: "albedo".to_string(), channels: LayerData::Rgb(albedo) });
-            let normal = self.surfaces.iter().map(|first| {
-                glam::Vec3::from_array(first.normal).normalize_or_zero().to_array()
-            });
+            let normal =
+                self.surfaces.iter().map(|first| glam::Vec3::from_array(first.normal).normalize_or_zero().to_array());
             layers.push(Layer { name: "normal".to_string(), channels: LayerData::Normal(normal.collect()) });
             let depth = self.surfaces.iter().map(|first| match first.hits {
                 0 => f32::INFINITY,

@@ -12,7 +12,9 @@ use super::plan::Plan;
 use crate::gather::{GatherStats, Scratch, VolumeMaps};
 use crate::math::Stream;
 use crate::math::random::Purpose;
-use crate::photon::{self, MapSettings, PhotonMap, Radii, walls};
+use crate::medium::Medium;
+use crate::medium::density::Density;
+use crate::photon::{self, MapSettings, Photon, PhotonMap, Radii, walls};
 use crate::scene::Scene;
 use crate::scene::description::Method;
 use crate::transport::Tally;
@@ -66,8 +68,6 @@ pub struct Stats {
     pub radii: Radii,
     /// Beam queries.
     pub gather: GatherStats,
-    /// Photon discs that queries tested.
-    pub tested: u64,
     /// Passes done.
     pub passes: u32,
     /// Camera samples per pixel done.
@@ -88,6 +88,24 @@ const SPREAD: [f64; 2] = [0.754_877_666_246_692_7, 0.569_840_290_998_053_2];
 /// [`Error::Scene`] where the scene has no steady state; [`Error::Limit`] if the film does not fit into memory.
 pub fn render(scene: &Scene, progress: &impl Progress, stop: &AtomicBool) -> Result<Rendering> {
     let camera = Camera::new(&scene.camera, &scene.film);
+    let film = film(scene)?;
+    let plan = Plan::new(scene, &camera)?;
+    let mut renderer =
+        Renderer { scene, camera, plan, progress, stop, film, stats: Stats::default(), warnings: Vec::new() };
+    for pass in 0..renderer.plan.passes {
+        if !renderer.pass(pass) {
+            break;
+        }
+    }
+    let Renderer { film, stats, mut warnings, .. } = renderer;
+    report(&stats, &mut warnings);
+    Ok(Rendering { film, stats, interrupted: stop.load(Ordering::Relaxed), warnings })
+}
+
+/// A film larger than this is refused.
+const MOST_FILM_BYTES: u64 = 16 << 30;
+
+fn film(scene: &Scene) -> Result<Film> {
     let layers = Layers { components: scene.film.layers, standard_error: scene.film.standard_error };
     let (width, height) = (scene.film.width, scene.film.height);
     let bytes = Film::bytes(width, height, layers);
@@ -99,184 +117,237 @@ pub fn render(scene: &Scene, progress: &impl Progress, stop: &AtomicBool) -> Res
             gib(MOST_FILM_BYTES)
         )));
     }
-    let plan = Plan::new(scene, &camera)?;
-    let mut film = Film::new(width, height, layers);
-    let mut stats = Stats::default();
-    let mut warnings = Vec::new();
-    let stopped = || stop.load(Ordering::Relaxed);
-    for pass in 0..plan.passes {
-        let maps = match plan.method {
-            Method::Photon => Some(build_maps(scene, &plan, pass, progress, stop, &mut stats, &mut warnings)),
+    Ok(Film::new(width, height, layers))
+}
+
+/// A render under way.
+struct Renderer<'s, P> {
+    scene: &'s Scene,
+    camera: Camera,
+    plan: Plan,
+    progress: &'s P,
+    stop: &'s AtomicBool,
+    film: Film,
+    stats: Stats,
+    warnings: Vec<String>,
+}
+
+/// A tile's sums by pixel, and what they cost.
+type Tile = (Vec<(u32, u32, Sums)>, GatherStats, Tally);
+
+impl<P: Progress> Renderer<'_, P> {
+    fn stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
+    /// One pass. Returns whether it came to its end.
+    fn pass(&mut self, pass: u32) -> bool {
+        let maps = match self.plan.method {
+            Method::Photon => Some(self.maps(pass)),
             Method::Path => None,
         };
-        if stopped() {
-            break;
+        if self.stopped() {
+            return false;
         }
         let mode = match &maps {
             Some(maps) => Mode::Gather(maps),
-            None if plan.split => Mode::Split,
+            None if self.plan.split => Mode::Split,
             None => Mode::Track,
         };
         let start = Instant::now();
-        expose(scene, &camera, &plan, mode, pass, &mut film, progress, stop, &mut stats);
-        stats.render_seconds += start.elapsed().as_secs_f64();
-        if stopped() {
-            break;
+        self.expose(mode, pass);
+        self.stats.render_seconds += start.elapsed().as_secs_f64();
+        if self.stopped() {
+            return false;
         }
-        film.end_pass();
-        stats.passes += 1;
-        stats.samples += plan.samples;
+        self.film.end_pass();
+        self.stats.passes += 1;
+        self.stats.samples += self.plan.samples;
+        true
     }
-    report(&stats, &mut warnings);
-    Ok(Rendering { film, stats, interrupted: stopped(), warnings })
-}
 
-/// A film larger than this is refused.
-const MOST_FILM_BYTES: u64 = 16 << 30;
-
-fn build_maps(
-    scene: &Scene,
-    plan: &Plan,
-    pass: u32,
-    progress: &impl Progress,
-    stop: &AtomicBool,
-    stats: &mut Stats,
-    warnings: &mut Vec<String>,
-) -> VolumeMaps {
-    let empty = || VolumeMaps::new((0..scene.regions).map(|_| None).collect(), &scene.media);
-    if plan.volume_photons == 0 {
-        return empty();
-    }
-    let start = Instant::now();
-    let announced = AtomicU64::new(0);
-    progress.phase("photons", 0);
-    let traced = photon::trace(
-        scene,
-        &photon::Pass {
+    /// The photon maps of a pass, one for each region.
+    fn maps(&mut self, pass: u32) -> VolumeMaps {
+        let (scene, progress) = (self.scene, self.progress);
+        let empty = || VolumeMaps::new((0..scene.regions).map(|_| None).collect(), &scene.media);
+        if self.plan.volume_photons == 0 {
+            return empty();
+        }
+        let start = Instant::now();
+        let announced = AtomicU64::new(0);
+        progress.phase("photons", 0);
+        let order = photon::Pass {
             seed: scene.render.seed,
             index: pass as u64,
-            target: plan.volume_photons,
+            target: self.plan.volume_photons,
             max_emitted: scene.photons.max_emitted,
-        },
-        &|done, all| {
+        };
+        let advance = |done, all| {
             if announced.swap(all, Ordering::Relaxed) != all {
                 progress.phase("photons", all);
             }
             progress.advance(done);
-        },
-        &|| stop.load(Ordering::Relaxed),
-    );
-    stats.photons_seconds += start.elapsed().as_secs_f64();
-    stats.emitted += traced.emitted;
-    stats.volume += traced.stored();
-    stats.tally = stats.tally.merge(traced.tally);
-    if stop.load(Ordering::Relaxed) {
-        return empty();
-    }
-    if pass == 0 {
-        warn_of_sparse_map(plan, &traced, warnings);
+        };
+        let traced = photon::trace(scene, &order, &advance, &|| self.stopped());
+        self.stats.photons_seconds += start.elapsed().as_secs_f64();
+        self.stats.emitted += traced.emitted;
+        self.stats.volume += traced.stored();
+        self.stats.tally = self.stats.tally.merge(traced.tally);
+        if self.stopped() {
+            return empty();
+        }
+        if pass == 0 {
+            self.warnings.extend(sparse_map(&self.plan, &traced));
+            self.warnings.extend(endless_glow(scene));
+        }
+
+        let extinctions: Vec<f64> =
+            (0..).zip(&traced.regions).map(|(i, photons)| mean_extinction(scene, i, photons)).collect();
+        let start = Instant::now();
+        progress.phase("build", 0);
+        let settings = MapSettings { tagged: self.plan.tagged, ..MapSettings::new(self.plan.radius) };
+        let near = |position, radius, planes: &mut _| walls::near(scene, position, radius, planes);
+        let build = |photons: Vec<Photon>| (!photons.is_empty()).then(|| PhotonMap::build(photons, &settings, &near));
+        let maps = VolumeMaps::new(traced.regions.into_iter().map(build).collect(), &scene.media);
+        if pass == 0 {
+            let wide =
+                |(region, map): (u32, &PhotonMap)| wide_discs(scene, region, map.radii(), extinctions[region as usize]);
+            self.warnings.extend(maps.by_region().filter_map(wide));
+        }
+        self.stats.tally.broken += maps.maps().map(|map| map.rejected() as u64).sum::<u64>();
+        self.stats.map_bytes = self.stats.map_bytes.max(maps.maps().map(|map| map.bytes() as u64).sum());
+        self.stats.radii = radii(&maps);
+        self.stats.build_seconds += start.elapsed().as_secs_f64();
+        maps
     }
 
-    let start = Instant::now();
-    progress.phase("build", 0);
-    let settings = MapSettings { tagged: plan.tagged, ..MapSettings::new(plan.radius) };
-    let maps: Vec<Option<PhotonMap>> = traced
-        .regions
-        .into_iter()
-        .map(|photons| {
-            (!photons.is_empty()).then(|| {
-                PhotonMap::build(photons, &settings, &|position, radius, planes: &mut _| {
-                    walls::near(scene, position, radius, planes);
-                })
-            })
-        })
-        .collect();
-    let maps = VolumeMaps::new(maps, &scene.media);
-    stats.map_bytes = stats.map_bytes.max(maps.maps().map(|map| map.bytes() as u64).sum());
-    stats.radii = maps.maps().map(PhotonMap::radii).fold(Radii::default(), |a, b| Radii {
-        min: if a.max == 0.0 { b.min } else { a.min.min(b.min) },
-        mean: if a.max == 0.0 { b.mean } else { 0.5 * (a.mean + b.mean) },
-        max: a.max.max(b.max),
-    });
-    stats.build_seconds += start.elapsed().as_secs_f64();
-    maps
-}
-
-fn warn_of_sparse_map(plan: &Plan, traced: &photon::Traced, warnings: &mut Vec<String>) {
-    let (stored, emitted, wanted) = (traced.stored(), traced.emitted, plan.volume_photons);
-    if stored == 0 {
-        warnings.push(format!("none of {emitted} photons met a medium that scatters: media stay dark"));
-    } else if stored < wanted / 2 {
-        warnings.push(format!(
-            "the volume map holds {stored} of {wanted} photons after {emitted} emissions: raise photons.max_emitted, or aim the lights at the media"
-        ));
-    } else if emitted < 1000 {
-        warnings.push(format!("the volume map stems from only {emitted} emissions: raise photons.volume"));
+    /// Samples all pixels, in rounds of ever more samples, so that an interrupted image is whole.
+    fn expose(&mut self, mode: Mode<'_>, pass: u32) {
+        let (width, height) = (self.scene.film.width, self.scene.film.height);
+        let tiles = width.div_ceil(TILE) * height.div_ceil(TILE);
+        self.progress.phase("render", tiles as u64 * self.plan.samples as u64);
+        let eye = Eye::new(self.scene, mode);
+        let mut from = 0;
+        while from < self.plan.samples && !self.stopped() {
+            let to = self.plan.samples.min(if from == 0 { 1 } else { 4 * from });
+            let done: Vec<Option<Tile>> = (0..tiles)
+                .into_par_iter()
+                .map(|tile| (!self.stopped()).then(|| self.tile(&eye, tile, pass, from, to)))
+                .collect();
+            for (sums, gathered, tally) in done.into_iter().flatten() {
+                sums.iter().for_each(|(x, y, sum)| self.film.add(*x, *y, sum));
+                self.stats.gather += gathered;
+                self.stats.tally = self.stats.tally.merge(tally);
+            }
+            from = to;
+        }
     }
-}
 
-#[allow(clippy::too_many_arguments)]
-fn expose(
-    scene: &Scene,
-    camera: &Camera,
-    plan: &Plan,
-    mode: Mode<'_>,
-    pass: u32,
-    film: &mut Film,
-    progress: &impl Progress,
-    stop: &AtomicBool,
-    stats: &mut Stats,
-) {
-    let (width, height) = (scene.film.width, scene.film.height);
-    let columns = width.div_ceil(TILE);
-    let tiles = columns * height.div_ceil(TILE);
-    progress.phase("render", tiles as u64 * plan.samples as u64);
-    let eye = Eye::new(scene, mode);
-    let shoot = |tile: u32, from: u32, to: u32| {
-        let mut scratch = Scratch::default();
-        let mut tally = Tally::default();
+    /// Samples number `from` to `to` of the pixels of a tile.
+    fn tile(&self, eye: &Eye<'_>, tile: u32, pass: u32, from: u32, to: u32) -> Tile {
+        let Renderer { scene, camera, plan, .. } = self;
+        let (width, height) = (scene.film.width, scene.film.height);
+        let columns = width.div_ceil(TILE);
         let (x0, y0) = (tile % columns * TILE, tile / columns * TILE);
         let (x1, y1) = ((x0 + TILE).min(width), (y0 + TILE).min(height));
+        let mut scratch = Scratch::default();
+        let mut tally = Tally::default();
         let mut sums = Vec::with_capacity(((x1 - x0) * (y1 - y0)) as usize);
-        for y in y0..y1 {
-            for x in x0..x1 {
-                let pixel = y as u64 * width as u64 + x as u64;
-                let mut turn = Stream::new(scene.render.seed, Purpose::Pixel, pixel, pass as u64);
-                let offset = turn.uniform2();
-                let mut sum = Sums::default();
-                for sample in from..to {
-                    let number = pass as u64 * plan.samples as u64 + sample as u64;
-                    let mut stream = Stream::new(scene.render.seed, Purpose::Camera, pixel, number);
-                    let place = std::array::from_fn(|i| (offset[i] + SPREAD[i] * sample as f64).fract());
-                    let ray = camera.ray(x, y, place, &mut stream);
-                    let inside = plan.inside.clone().unwrap_or_else(|| scene.inside(ray.origin));
-                    let mut context = Context { stream: &mut stream, scratch: &mut scratch, tally: &mut tally };
-                    sum.add(&eye.look(ray, inside, &mut context));
-                }
-                sums.push((x, y, sum));
+        for (x, y) in (y0..y1).flat_map(|y| (x0..x1).map(move |x| (x, y))) {
+            let pixel = y as u64 * width as u64 + x as u64;
+            let offset = Stream::new(scene.render.seed, Purpose::Pixel, pixel, pass as u64).uniform2();
+            let mut sum = Sums::default();
+            for sample in from..to {
+                let number = pass as u64 * plan.samples as u64 + sample as u64;
+                let mut stream = Stream::new(scene.render.seed, Purpose::Camera, pixel, number);
+                let place = std::array::from_fn(|i| (offset[i] + SPREAD[i] * sample as f64).fract());
+                let ray = camera.ray(x, y, place, &mut stream);
+                let inside = plan.inside.clone().unwrap_or_else(|| scene.inside(ray.origin));
+                let mut context = Context { stream: &mut stream, scratch: &mut scratch, tally: &mut tally };
+                sum.add(&eye.look(ray, inside, &mut context));
             }
+            sums.push((x, y, sum));
         }
-        progress.advance((to - from) as u64);
+        self.progress.advance((to - from) as u64);
         (sums, scratch.stats, tally)
-    };
-    // Rounds of ever more samples, so that an interrupted image is whole.
-    let mut from = 0;
-    while from < plan.samples {
-        let to = plan.samples.min(if from == 0 { 1 } else { 4 * from });
-        let done: Vec<_> = (0..tiles)
-            .into_par_iter()
-            .map(|tile| (!stop.load(Ordering::Relaxed)).then(|| shoot(tile, from, to)))
-            .collect();
-        for (sums, gathered, tally) in done.into_iter().flatten() {
-            sums.iter().for_each(|(x, y, sum)| film.add(*x, *y, sum));
-            stats.gather += gathered;
-            stats.tally = stats.tally.merge(tally);
-        }
-        if stop.load(Ordering::Relaxed) {
-            return;
-        }
-        from = to;
     }
+}
+
+/// The radii of all maps together.
+fn radii(maps: &VolumeMaps) -> Radii {
+    let photons: usize = maps.maps().map(PhotonMap::len).sum();
+    maps.maps().fold(Radii { min: f32::INFINITY, mean: 0.0, max: 0.0 }, |all, map| {
+        let Radii { min, mean, max } = map.radii();
+        let share = map.len() as f32 / photons as f32;
+        Radii { min: all.min.min(min), mean: all.mean + share * mean, max: all.max.max(max) }
+    })
+}
+
+/// Whether the map is too thin to be trusted.
+fn sparse_map(plan: &Plan, traced: &photon::Traced) -> Option<String> {
+    let (stored, emitted, wanted) = (traced.stored(), traced.emitted, plan.volume_photons);
+    if emitted == 0 {
+        // Without a source there is nothing to say about photons.
+        None
+    } else if stored == 0 {
+        Some(format!("none of {emitted} photons met a medium that scatters: media stay dark"))
+    } else if stored < wanted / 2 {
+        Some(format!(
+            "the volume map holds {stored} of {wanted} photons after {emitted} emissions: raise photons.max_emitted, or aim the lights at the media"
+        ))
+    } else if emitted < 1000 {
+        Some(format!("the volume map stems from only {emitted} emissions: raise photons.max_emitted"))
+    } else {
+        None
+    }
+}
+
+/// Photons of a glow start in a box around it.
+fn endless_glow(scene: &Scene) -> Option<String> {
+    let medium = &scene.media[scene.world? as usize];
+    let endless = medium.glows() && medium.scatters() && !medium.density.support().size().is_finite();
+    endless.then(|| {
+        format!(
+            "medium {} glows and has no end: of its light, method \"photon\" leaves out what is scattered; put it into a shape, or use method \"path\"",
+            medium.name
+        )
+    })
+}
+
+/// The medium of a region.
+fn medium_of(scene: &Scene, region: u32) -> Option<&Medium> {
+    let solid = scene.solids.iter().find(|solid| solid.region == region);
+    let medium = solid.map_or(scene.world, |solid| solid.medium)?;
+    Some(&scene.media[medium as usize])
+}
+
+/// The largest channel's extinction where a region's photons are, on average.
+fn mean_extinction(scene: &Scene, region: u32, photons: &[Photon]) -> f64 {
+    let Some(medium) = medium_of(scene, region).filter(|_| !photons.is_empty()) else { return 0.0 };
+    let density: f64 = match medium.density {
+        Density::Uniform => 1.0,
+        _ => {
+            // A few thousand tell enough.
+            let step = photons.len().div_ceil(4096);
+            let some: Vec<f64> =
+                photons.iter().step_by(step).map(|photon| medium.density.at(photon.position.as_dvec3())).collect();
+            some.iter().sum::<f64>() / some.len() as f64
+        }
+    };
+    medium.extinction.max_element() * density
+}
+
+/// Where discs are wider than this many mean free paths, light is blurred across the layer it enters by.
+const WIDE: f64 = 0.3;
+
+fn wide_discs(scene: &Scene, region: u32, radii: Radii, extinction: f64) -> Option<String> {
+    let share = radii.mean as f64 * extinction;
+    medium_of(scene, region).filter(|_| share > WIDE).map(|medium| {
+        format!(
+            "medium {}: photons are spread over {:.3e} on average, which is {share:.2} mean free paths; above {WIDE} its lit surface is blurred and too dark: raise photons.volume, lower volume.neighbours, or use method \"path\"",
+            medium.name, radii.mean
+        )
+    })
 }
 
 fn report(stats: &Stats, warnings: &mut Vec<String>) {

@@ -54,7 +54,9 @@ impl Plan {
         let render = &scene.render;
         refuse_eternity(scene, camera)?;
         let scatters = scene.media.iter().any(|medium| medium.scatters());
-        let gathers = render.method == Method::Photon && scatters && (!scene.lights.is_empty() || scene.media.iter().any(|m| m.glows()));
+        let gathers = render.method == Method::Photon
+            && scatters
+            && (!scene.lights.is_empty() || scene.media.iter().any(|m| m.glows()));
         let passes = if scene.film.standard_error { SUB_PASSES } else { 1 };
 
         let photons = scene.photons.volume.unwrap_or(VOLUME_PHOTONS);
@@ -159,7 +161,7 @@ enum Wandered {
 }
 
 fn wander(scene: &Scene, ray: crate::math::Ray, inside: Inside, most: u64, stream: &mut Stream) -> Wandered {
-    let mut walk = Walk::new(scene, ray, inside);
+    let mut walk = Walk::start(scene, ray, inside);
     let mut weight = Rgb::ONE;
     let mut collided = false;
     for _ in 0..most {

@@ -538,7 +538,8 @@ fn join_regions(scene: &mut Scene) {
         i
     }
     let margin = 1e-9 * scene.geometry.all_bounds().diagonal();
-    let boxes: Vec<Bounds> = scene.solids.iter().map(|solid| scene.geometry.bounds(solid.shape).grown(margin)).collect();
+    let boxes: Vec<Bounds> =
+        scene.solids.iter().map(|solid| scene.geometry.bounds(solid.shape).grown(margin)).collect();
     let index = |solid: &Solid| solid.index.unwrap_or(Rgb::ONE);
     for i in 0..count {
         if scene.solids[i].medium == scene.world && index(&scene.solids[i]) == Rgb::ONE {

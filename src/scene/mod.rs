@@ -3,9 +3,9 @@
 //! [`read()`] turns the text of a scene file and the overrides of the command line into a
 //! [`Description`]: typed, checked, references resolved, but no other file opened yet.
 
+mod build;
 pub mod description;
 mod overrides;
-mod build;
 mod read;
 mod scene;
 mod table;
@@ -13,5 +13,5 @@ mod tree;
 
 pub use build::build;
 pub use description::{Description, Located, Place};
-pub use scene::{Inside, Scene, Solid, Surface};
 pub use read::{parse, read};
+pub use scene::{Inside, Scene, Solid, Surface};

@@ -48,7 +48,13 @@ pub fn fly(
     let Density::Grid(grid) = &medium.density else {
         let w = shares(*weight);
         let u = stream.uniform();
-        let channel = if u < w.x { sigma.x } else if u < w.x + w.y { sigma.y } else { sigma.z };
+        let channel = if u < w.x {
+            sigma.x
+        } else if u < w.x + w.y {
+            sigma.y
+        } else {
+            sigma.z
+        };
         // A channel without extinction never collides.
         let target = if channel > 0.0 { stream.exponential() / channel } else { f64::INFINITY };
         let collision = if target.is_finite() { medium.density.advance(ray, a, b, target) } else { None };
@@ -181,11 +187,201 @@ pub fn force(medium: &Medium, ray: &Ray, (a, b): (f64, f64), weight: Rgb, stream
     }
     let [u, v] = stream.uniform2();
     let u = u * chance;
-    let channel = if u < part.x { 0 } else if u < part.x + part.y { 1 } else { 2 };
+    let channel = if u < part.x {
+        0
+    } else if u < part.x + part.y {
+        1
+    } else {
+        2
+    };
     // The inverse of (1 − e^{−σD})/(1 − e^{−σD_b}).
     let target = -(-v * absorbed[channel]).ln_1p() / sigma[channel];
     let Some(t) = medium.density.advance(ray, a, b, target.min(depth)) else { return nothing };
     let density = sigma * medium.transmittance(target);
     let mean = (shares(weight) * density).element_sum();
     Forced { collision: (mean > 0.0).then(|| (t, weight * density * (chance / mean))), passed, chance }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::random::Purpose;
+    use crate::math::{DAffine3, DVec3};
+    use crate::medium::Emission;
+    use crate::medium::density::bricks::{BrickGrid, NegativePolicy};
+    use crate::medium::density::{Exponential, Grid};
+    use crate::medium::phase::{Isotropic, Phase};
+    use std::sync::Arc;
+
+    fn medium(extinction: Rgb, density: Density) -> Medium {
+        Medium {
+            name: "test".to_string(),
+            extinction,
+            albedo: Rgb::splat(0.5),
+            phase: Phase::Isotropic(Isotropic),
+            density,
+            emission: Emission::None,
+        }
+    }
+
+    /// Uneven voxels, some empty, one of them large.
+    fn voxels() -> Density {
+        let values: Vec<f32> = (0..20 * 6 * 6)
+            .map(|i| match i % 7 {
+                0..3 => 0.0,
+                6 if i == 20 * 6 * 3 + 20 * 3 + 9 => 30.0,
+                k => 0.3 * k as f32,
+            })
+            .collect();
+        let bricks = BrickGrid::from_dense([0; 3], [20, 6, 6], &values, 0.0, NegativePolicy::Error).expect("finite");
+        Density::Grid(Grid::new(Arc::new(bricks), DAffine3::from_scale(DVec3::splat(0.2))))
+    }
+
+    fn densities() -> Vec<(&'static str, Density)> {
+        let air = Exponential { origin: DVec3::ZERO, up: DVec3::new(1.0, 0.5, 0.0), scale_height: 1.1, value: 0.9 };
+        vec![("uniform", Density::Uniform), ("exponential", Density::Exponential(air)), ("voxels", voxels())]
+    }
+
+    fn ray() -> Ray {
+        Ray::new(DVec3::new(-0.5, 0.31, 0.4), DVec3::new(1.0, 0.08, 0.05).normalize())
+    }
+
+    /// Sums and sums of squares of weights in slots along the ray, the last for what passes.
+    struct Histogram {
+        sums: Vec<[Rgb; 2]>,
+        draws: f64,
+    }
+
+    const SLOTS: usize = 12;
+    const FAR: f64 = 4.8;
+
+    impl Histogram {
+        fn of(draws: usize, mut draw: impl FnMut(&mut Stream) -> Vec<(Option<f64>, Rgb)>) -> Self {
+            let mut sums = vec![[Rgb::ZERO; 2]; SLOTS + 1];
+            for i in 0..draws {
+                let mut stream = Stream::new(11, Purpose::Test, i as u64, 0);
+                for (t, weight) in draw(&mut stream) {
+                    let slot = t.map_or(SLOTS, |t| ((t / FAR * SLOTS as f64) as usize).min(SLOTS - 1));
+                    sums[slot][0] += weight;
+                    sums[slot][1] += weight * weight;
+                }
+            }
+            Histogram { sums, draws: draws as f64 }
+        }
+
+        /// Each slot's mean against the light that is extinguished there, e^{−τ(a)} − e^{−τ(b)}.
+        fn assert_extinction(&self, what: &str, medium: &Medium) {
+            for slot in 0..=SLOTS {
+                let at = |slot: usize| FAR * slot as f64 / SLOTS as f64;
+                let passed = |t: f64| medium.transmittance(medium.density.depth(&ray(), 0.0, t));
+                let expected = if slot == SLOTS { passed(FAR) } else { passed(at(slot)) - passed(at(slot + 1)) };
+                let [sum, squares] = self.sums[slot];
+                let mean = sum / self.draws;
+                let deviation = ((squares / self.draws - mean * mean).max(Rgb::ZERO) / self.draws).map(f64::sqrt);
+                for c in 0..3 {
+                    // A slot that is hit about once cannot tell its own deviation.
+                    let bound = 4.5 * deviation[c] + 8.0 / self.draws;
+                    assert!(
+                        (mean[c] - expected[c]).abs() <= bound,
+                        "{what}, slot {slot}, channel {c}: {} against {} ± {}",
+                        mean[c],
+                        expected[c],
+                        deviation[c]
+                    );
+                }
+            }
+        }
+    }
+
+    const COLOURS: [Rgb; 4] =
+        [Rgb::splat(0.8), Rgb::new(0.05, 1.0, 0.3), Rgb::new(0.0, 0.7, 0.0), Rgb::new(0.002, 0.05, 2.0)];
+
+    #[test]
+    fn flights_collide_as_extinction_says() {
+        for (name, density) in densities() {
+            for extinction in COLOURS {
+                let medium = medium(extinction, density.clone());
+                let mut tally = Tally::default();
+                let histogram = Histogram::of(60_000, |stream| {
+                    let mut weight = Rgb::new(1.0, 1.0, 1.0);
+                    let t = fly(&medium, &ray(), (0.0, FAR), &mut weight, stream, &mut tally, |_, _| {});
+                    assert!((weight.element_sum() - 3.0).abs() < 1e-9, "{name}: the sum has drifted to {weight}");
+                    vec![(t, weight)]
+                });
+                histogram.assert_extinction(&format!("{name}, {extinction}"), &medium);
+                assert_eq!(tally.violations, 0);
+            }
+        }
+    }
+
+    #[test]
+    fn split_walks_collide_as_extinction_says() {
+        for (name, density) in densities() {
+            for extinction in COLOURS {
+                let medium = medium(extinction, density.clone());
+                let histogram = Histogram::of(30_000, |stream| {
+                    let forced = force(&medium, &ray(), (0.0, FAR), Rgb::ONE, stream);
+                    let collided = forced.collision.map(|(t, weight)| (Some(t), weight));
+                    collided.into_iter().chain([(None, forced.passed)]).collect()
+                });
+                histogram.assert_extinction(&format!("{name}, {extinction}"), &medium);
+            }
+        }
+    }
+
+    /// 1 − e^{−τ} of an optical depth of 10⁻⁸ has all its digits.
+    #[test]
+    fn split_walks_are_exact_in_thin_media() {
+        let thin = medium(Rgb::new(1e-9, 1e-8, 1e-12), Density::Uniform);
+        let (mut sum, draws) = (Rgb::ZERO, 10_000);
+        for i in 0..draws {
+            let mut stream = Stream::new(5, Purpose::Test, i, 0);
+            let forced = force(&thin, &ray(), (0.0, 1.0), Rgb::ONE, &mut stream);
+            let (t, weight) = forced.collision.expect("forced");
+            assert!((0.0..=1.0).contains(&t));
+            sum += weight;
+        }
+        // The weights do not vary: σ over its mean.
+        let mean = sum / draws as f64;
+        assert!((mean / thin.extinction - 1.0).abs().max_element() < 1e-6, "{mean}");
+    }
+
+    #[test]
+    fn passing_is_transmittance_on_average() {
+        for (name, density) in densities() {
+            for extinction in COLOURS {
+                let medium = medium(extinction, density.clone());
+                let (mut sum, mut squares, n) = (Rgb::ZERO, Rgb::ZERO, 60_000);
+                for i in 0..n {
+                    let mut stream = Stream::new(3, Purpose::Test, i, 0);
+                    let mut weight = Rgb::ONE;
+                    pass(&medium, &ray(), (0.0, FAR), &mut weight, &mut stream);
+                    sum += weight;
+                    squares += weight * weight;
+                }
+                let n = n as f64;
+                let (mean, exact) = (sum / n, medium.transmittance(medium.density.depth(&ray(), 0.0, FAR)));
+                let deviation = ((squares / n - mean * mean).max(Rgb::ZERO) / n).map(f64::sqrt);
+                let bound = deviation * 4.5 + 1e-12;
+                assert!((mean - exact).abs().cmple(bound).all(), "{name}, {extinction}: {mean} against {exact}");
+            }
+        }
+    }
+
+    /// A channel without extinction lets everything pass; the others, nothing that is endless.
+    #[test]
+    fn endless_media() {
+        let medium = medium(Rgb::new(0.0, 0.5, 2.0), Density::Uniform);
+        let mut tally = Tally::default();
+        for i in 0..1000 {
+            let mut stream = Stream::new(9, Purpose::Test, i, 0);
+            let mut weight = Rgb::ONE;
+            let t = fly(&medium, &ray(), (0.0, f64::INFINITY), &mut weight, &mut stream, &mut tally, |_, _| {});
+            assert!(weight.is_finite());
+            match t {
+                Some(t) => assert!(t.is_finite() && weight.x == 0.0),
+                None => assert_eq!(weight, Rgb::new(3.0, 0.0, 0.0)),
+            }
+        }
+    }
 }

@@ -20,6 +20,8 @@ pub struct Walk<'s> {
     crossed: f64,
     /// Nothing beyond is of interest.
     limit: f64,
+    /// Whether it has yet to find out on which side of a boundary it starts.
+    starts: bool,
     /// The solids around it.
     pub inside: Inside,
     cluster: Cluster,
@@ -112,7 +114,16 @@ pub enum Side {
 impl<'s> Walk<'s> {
     /// A walk that starts with `ray`, inside these solids.
     pub fn new(scene: &'s Scene, ray: Ray, inside: Inside) -> Self {
-        Walk { scene, ray, t: 0.0, crossed: 0.0, limit: f64::INFINITY, inside, cluster: Cluster::default() }
+        let cluster = Cluster::default();
+        Walk { scene, ray, t: 0.0, crossed: 0.0, limit: f64::INFINITY, starts: false, inside, cluster }
+    }
+
+    /// The same from a light or a camera, which may stand on a boundary of `inside`: then the direction
+    /// decides on which side the walk starts.
+    pub fn start(scene: &'s Scene, ray: Ray, inside: Inside) -> Self {
+        let starts = !scene.solids.is_empty();
+        let crossed = if starts { -error_bound(&ray, 0.0) } else { 0.0 };
+        Walk { starts, crossed, ..Walk::new(scene, ray, inside) }
     }
 
     /// The same, ending at parameter `limit`: what lies beyond is escape.
@@ -124,6 +135,15 @@ impl<'s> Walk<'s> {
     pub fn advance(&mut self, visitor: &mut impl Visitor) -> Stop {
         loop {
             self.scene.geometry.intersect(&self.ray, self.crossed, self.limit, &mut self.cluster);
+            if std::mem::take(&mut self.starts) {
+                self.crossed = 0.0;
+                let here = error_bound(&self.ray, 0.0);
+                if self.cluster.nearest().is_some_and(|hit| hit.t <= here) {
+                    self.inside = self.scene.cross(&self.inside, &self.cluster, self.ray.direction);
+                    self.crossed = self.cluster.hits().last().map_or(0.0, |hit| hit.t) + here;
+                    continue;
+                }
+            }
             let met = self.cluster.nearest().map(|hit| hit.t);
             let end = met.map_or(self.limit, |t| t.max(self.t));
             if let Some(medium) = self.scene.medium(&self.inside) {
@@ -216,6 +236,24 @@ impl Interaction {
 
     /// Draws where light goes on from a surface; weights `weight` for it, with roulette. `None` ends the walk.
     pub fn scatter(&self, side: Side, weight: &mut Rgb, stream: &mut Stream) -> Option<DVec3> {
+        self.scatter_and(side, weight, stream, survive)
+    }
+
+    /// As [`Interaction::scatter`], the roulette left to the caller.
+    pub fn scatter_always(&self, side: Side, weight: &mut Rgb, stream: &mut Stream) -> Option<DVec3> {
+        self.scatter_and(side, weight, stream, |weight, factor, _| {
+            *weight *= factor;
+            true
+        })
+    }
+
+    fn scatter_and(
+        &self,
+        side: Side,
+        weight: &mut Rgb,
+        stream: &mut Stream,
+        survive: impl Fn(&mut Rgb, Rgb, &mut Stream) -> bool,
+    ) -> Option<DVec3> {
         match self.reflection {
             Reflection::Lambert(lambert) => {
                 let direction = lambert.sample(self.shading_normal, stream);
@@ -261,7 +299,13 @@ impl Interaction {
             // Dispersion: the channels part; one goes on with the weight of all.
             let w = shares(*weight);
             let u = stream.uniform();
-            channel = if u < w.x { 0 } else if u < w.x + w.y { 1 } else { 2 };
+            channel = if u < w.x {
+                0
+            } else if u < w.x + w.y {
+                1
+            } else {
+                2
+            };
             if w[channel] <= 0.0 {
                 return None;
             }

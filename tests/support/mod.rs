@@ -119,7 +119,8 @@ impl Checks {
             let difference = found.mean[c] - expected.mean[c];
             // Numbers of a film are 32-bit.
             let rounding = 1e-6 * scale;
-            let precise = found.standard_error[c] <= precision * scale && expected.standard_error[c] <= precision * scale;
+            let precise =
+                found.standard_error[c] <= precision * scale && expected.standard_error[c] <= precision * scale;
             let agrees = difference.abs() <= 3.0 * error + bias * scale + rounding;
             self.line(
                 precise && agrees,

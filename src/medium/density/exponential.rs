@@ -34,13 +34,20 @@ impl Exponential {
         let h = self.height(ray.origin);
         let at = |t: f64| if rise == 0.0 { h } else { h + rise * t };
         let mut cuts = [t0, t0, t0, t1];
+        // Between which heights each piece lies, whatever rounding makes of its ends.
+        let mut layers = [(f64::NEG_INFINITY, f64::INFINITY); 3];
         if rise != 0.0 {
             let (a, b) = (-h / rise, (FAR - h) / rise);
             cuts[1] = a.min(b).clamp(t0, t1);
             cuts[2] = a.max(b).clamp(t0, t1);
+            layers = [(f64::NEG_INFINITY, 0.0), (0.0, FAR), (FAR, f64::INFINITY)];
+            if rise < 0.0 {
+                layers.reverse();
+            }
         }
-        for pair in cuts.windows(2) {
-            if pair[0] < pair[1] && !visit(pair[0], pair[1], at(pair[0]), at(pair[1])) {
+        for (pair, (low, high)) in cuts.windows(2).zip(layers) {
+            let height = |t: f64| at(t).clamp(low, high);
+            if pair[0] < pair[1] && !visit(pair[0], pair[1], height(pair[0]), height(pair[1])) {
                 return;
             }
         }
@@ -55,7 +62,7 @@ impl Exponential {
         let climb = (h1.max(h0).max(0.0)) - low;
         let density = self.value * (-low).exp();
         if length.is_infinite() {
-            // ∫ e^{−h} ds over a whole half line: the slope is lost in an infinite climb.
+            // Level or below: one that climbs was cut at `FAR`.
             return if density > 0.0 { f64::INFINITY } else { 0.0 };
         }
         density * length * one_minus_exp_over(climb)
@@ -88,7 +95,7 @@ impl Exponential {
                 a + left / (self.value * (-low).exp())
             } else if rise > 0.0 {
                 // left = ρ(a)/rise · (1 − e^{−rise s})
-                a - (-left * rise / (self.value * (-ha).exp())).ln_1p() / rise
+                a - (-(left * rise / (self.value * (-ha).exp())).min(1.0)).ln_1p() / rise
             } else {
                 // The same from the dense end: depth − left = ρ(b)/|rise| · (1 − e^{−|rise| s}).
                 b - (-((depth - left) * -rise / (self.value * (-hb).exp())).min(1.0)).ln_1p() / rise
@@ -106,8 +113,7 @@ mod tests {
 
     #[test]
     fn depth_is_the_integral_and_advance_its_inverse() {
-        let air =
-            Exponential { origin: DVec3::new(1.0, 2.0, 3.0), up: DVec3::Y, scale_height: 0.7, value: 1.3 };
+        let air = Exponential { origin: DVec3::new(1.0, 2.0, 3.0), up: DVec3::Y, scale_height: 0.7, value: 1.3 };
         for (direction, t0, t1) in [
             (DVec3::new(0.6, 0.8, 0.0), 0.0, 9.0),
             (DVec3::new(0.6, -0.8, 0.0), 0.0, 9.0),
@@ -125,9 +131,42 @@ mod tests {
             for share in [1e-9, 0.1, 0.5, 0.999] {
                 let t = air.advance(&ray, t0, t1, share * depth).expect("within the range");
                 let reached = air.depth(&ray, t0, t);
-                assert!((reached - share * depth).abs() < 1e-9 * depth, "{direction}: {share} gives {}", reached / depth);
+                assert!(
+                    (reached - share * depth).abs() < 1e-9 * depth,
+                    "{direction}: {share} gives {}",
+                    reached / depth
+                );
             }
             assert!(air.advance(&ray, t0, t1, depth * 1.001).is_none());
+        }
+    }
+
+    #[test]
+    fn half_lines_that_climb_have_an_end_to_their_depth() {
+        use crate::math::random::{Purpose, Stream};
+        let air = Exponential { origin: DVec3::ZERO, up: DVec3::Y, scale_height: 1.0, value: 1.0 };
+        for index in 0..20_000 {
+            let mut stream = Stream::new(1, Purpose::Test, index, 0);
+            let direction = crate::math::sampling::sphere(stream.uniform2()).normalize();
+            let height = 10.0 * (stream.uniform() - 0.5);
+            let ray = Ray::new(DVec3::new(0.0, height, 0.0), direction);
+            let depth = air.depth(&ray, 0.0, f64::INFINITY);
+            let expected = if direction.y <= 0.0 {
+                f64::INFINITY
+            } else {
+                ((-height).max(0.0) + (-height.max(0.0)).exp()) / direction.y
+            };
+            assert!(
+                depth == expected || (depth - expected).abs() < 1e-9 * expected,
+                "{ray:?}: {depth}, not {expected}"
+            );
+            let target = stream.exponential() / 0.1;
+            let reached = air.advance(&ray, 0.0, f64::INFINITY, target);
+            assert_eq!(
+                reached.is_some_and(f64::is_finite),
+                target <= depth,
+                "{ray:?}: {target} of {depth} at {reached:?}"
+            );
         }
     }
 

@@ -120,7 +120,11 @@ impl Grid {
             if error.abs() <= 1e-7 * target {
                 break;
             }
-            if error > 0.0 { high = t } else { low = t }
+            if error > 0.0 {
+                high = t
+            } else {
+                low = t
+            }
             let next = t - error / density;
             t = if next > low && next < high { next } else { 0.5 * (low + high) };
         }
