@@ -283,6 +283,7 @@ impl<'s> Eye<'s> {
         // A path that matters little is not worth its queries.
         let largest = path.weight.max_element();
         if gathers && largest < FAINT {
+            // Unlike at an event, nothing is lost on average: survivors carry the weight of the others.
             let chance = largest / FAINT;
             path.weight /= chance;
             return context.stream.uniform() < chance;
