@@ -307,6 +307,9 @@ fn expose(
         let mut sums = Vec::with_capacity(((x1 - x0) * (y1 - y0)) as usize);
         for y in y0..y1 {
             for x in x0..x1 {
+                if stop.load(Ordering::Relaxed) {
+                    return (sums, scratch.stats, tally);
+                }
                 let pixel = y as u64 * width as u64 + x as u64;
                 let mut turn = Stream::new(scene.render.seed, Purpose::Pixel, pixel, pass as u64);
                 let offset = turn.uniform2();
@@ -355,6 +358,6 @@ fn report(stats: &Stats, warnings: &mut Vec<String>) {
         warnings.push(format!("{stopped} walks were cut off after 10⁹ events"));
     }
     if broken > 0 {
-        warnings.push(format!("{broken} samples were dropped because a number was not finite"));
+        warnings.push(format!("{broken} samples or photons were dropped because a number was not finite or above 10³⁰: the light is too strong for images of 32-bit numbers"));
     }
 }
