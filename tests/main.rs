@@ -2,6 +2,9 @@
 
 mod support;
 
+#[cfg(feature = "cli")]
+mod cli;
 mod closed_forms;
 mod scene_files;
+mod stress;
 mod vdb;

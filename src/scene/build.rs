@@ -272,7 +272,7 @@ impl<'d> Builder<'d> {
             density,
             emission,
         };
-        if said.sigma_t().max_element() > 0.0 && medium.density.max() <= 0.0 {
+        if said.sigma_t().max_element() > 0.0 && medium.is_clear() {
             self.warnings.push(format!("{}: the density is 0 everywhere: the medium is vacuum", said.place));
         }
         Ok(medium)
