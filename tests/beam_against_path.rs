@@ -37,7 +37,7 @@ impl Case {
 #[test]
 fn backward_ball() {
     Case {
-    text: r#"
+        text: r#"
 [camera]
 position = [0, 0.5, 4]
 target = [0, 0, 0]
@@ -56,17 +56,18 @@ type = "point"
 position = [1.5, 1.5, 1]
 intensity = [3, 2, 1]
 "#,
-    photons: 20_000,
-    samples: 100,
-    bias: 0.01,
-    }.check();
+        photons: 20_000,
+        samples: 100,
+        bias: 0.01,
+    }
+    .check();
 }
 
 /// Camera inside, walls, forward 0.9, spot with a size.
 #[test]
 fn room_with_a_spot() {
     Case {
-    text: r#"
+        text: r#"
 [camera]
 position = [0, 1, 1.8]
 target = [0, 0.9, -1]
@@ -94,17 +95,18 @@ inner_angle = 15
 outer_angle = 25
 radius = 0.1
 "#,
-    photons: 20_000,
-    samples: 100,
-    bias: 0.01,
-    }.check();
+        photons: 20_000,
+        samples: 100,
+        bias: 0.01,
+    }
+    .check();
 }
 
 /// Voxels, forward, sun with an angle.
 #[test]
 fn voxels_in_the_sun() {
     Case {
-    text: r#"
+        text: r#"
 [camera]
 position = [0.3, 0.4, 3.5]
 target = [0, -0.1, 0]
@@ -125,17 +127,18 @@ direction = [-1, -2, -0.5]
 irradiance = 3
 angle = 8
 "#,
-    photons: 20_000,
-    samples: 100,
-    bias: 0.01,
-    }.check();
+        photons: 20_000,
+        samples: 100,
+        bias: 0.01,
+    }
+    .check();
 }
 
 /// Voxels of a ball, Schlick, environment image.
 #[test]
 fn voxels_under_a_window() {
     Case {
-    text: r#"
+        text: r#"
 [camera]
 position = [4, 3, 7]
 target = [4, 3, 3]
@@ -155,17 +158,18 @@ type = "environment"
 file = "beam/window.hdr"
 rotate = 40
 "#,
-    photons: 20_000,
-    samples: 100,
-    bias: 0.01,
-    }.check();
+        photons: 20_000,
+        samples: 100,
+        bias: 0.01,
+    }
+    .check();
 }
 
 /// Side by side, 100 and 20 per unit, even sky.
 #[test]
 fn side_by_side() {
     Case {
-    text: r#"
+        text: r#"
 [camera]
 position = [0, 0, 1]
 target = [0, 0, 0]
@@ -191,17 +195,18 @@ interior = "tea"
 type = "environment"
 radiance = [1, 0.9, 0.7]
 "#,
-    photons: 20_000,
-    samples: 100,
-    bias: 0.02,
-    }.check();
+        photons: 20_000,
+        samples: 100,
+        bias: 0.02,
+    }
+    .check();
 }
 
 /// Nested, camera in the outer one of 0.01 per unit, round beam.
 #[test]
 fn nested() {
     Case {
-    text: r#"
+        text: r#"
 [camera]
 position = [0, 2, 18]
 target = [0, 0, 0]
@@ -230,17 +235,18 @@ irradiance = 10
 center = [-10, 3, 0]
 radius = 2.5
 "#,
-    photons: 40_000,
-    samples: 100,
-    bias: 0.01,
-    }.check();
+        photons: 40_000,
+        samples: 100,
+        bias: 0.01,
+    }
+    .check();
 }
 
 /// Glass ball in fog, light through it from a sphere.
 #[test]
 fn light_through_glass() {
     Case {
-    text: r#"
+        text: r#"
 [camera]
 position = [0, -0.3, 5]
 target = [0, -0.3, 0]
@@ -268,17 +274,18 @@ center = [0, 3.5, 0]
 radius = 0.6
 emission = { radiance = 10 }
 "#,
-    photons: 40_000,
-    samples: 100,
-    bias: 0.01,
-    }.check();
+        photons: 40_000,
+        samples: 100,
+        bias: 0.01,
+    }
+    .check();
 }
 
 /// Glowing fog around a lamp, directional light without end.
 #[test]
 fn glowing_fog() {
     Case {
-    text: r#"
+        text: r#"
 [camera]
 position = [0, -0.4, 5]
 target = [0, -0.4, 0]
@@ -305,9 +312,9 @@ type = "directional"
 direction = [0, -1, 0.3]
 irradiance = 2
 "#,
-    photons: 20_000,
-    samples: 100,
-    bias: 0.01,
-    }.check();
+        photons: 20_000,
+        samples: 100,
+        bias: 0.01,
+    }
+    .check();
 }
-

@@ -235,9 +235,13 @@ fn lit_ball(method: &str, medium: &str, unit: f64, at: [f64; 3]) -> String {
          [[shapes]]\ntype = \"quad\"\norigin = {:?}\nedge_u = {:?}\nedge_v = {:?}\nmaterial = \"white\"\n\
          [[lights]]\ntype = \"spot\"\nposition = {:?}\ntarget = {:?}\nintensity = {}\ninner_angle = 20\nouter_angle = 40\n",
         view(8, place(0.2, 0.4, 4.0), place(0.0, 0.0, 0.0), [0.0, 1.0, 0.0], 25.0, method, 64),
-        place(-1.0, -0.8, -0.5), place(1.0, 0.8, 0.5),
-        place(-3.0, -1.0, 3.0), [6.0 * unit, 0.0, 0.0], [0.0, 0.0, -6.0 * unit],
-        place(1.0, 2.5, 1.0), place(0.0, 0.0, 0.0),
+        place(-1.0, -0.8, -0.5),
+        place(1.0, 0.8, 0.5),
+        place(-3.0, -1.0, 3.0),
+        [6.0 * unit, 0.0, 0.0],
+        [0.0, 0.0, -6.0 * unit],
+        place(1.0, 2.5, 1.0),
+        place(0.0, 0.0, 0.0),
         10.0 * unit * unit
     )
 }
@@ -298,11 +302,16 @@ fn a_furnace_of_lossless_solids_by_photons() {
         ("thin", "sigma_s = 0.5"),
         ("forward", "sigma_s = 4\nphase = { type = \"hg\", g = 0.8 }"),
         ("coloured", "sigma_s = [0.1, 1, 4]"),
-        ("voxels", "sigma_s = 4\ndensity = { type = \"vdb\", file = \"reference/smoke_grid/smoke_grid_64.vdb\", grid = \"density\" }"),
+        (
+            "voxels",
+            "sigma_s = 4\ndensity = { type = \"vdb\", file = \"reference/smoke_grid/smoke_grid_64.vdb\", grid = \"density\" }",
+        ),
     ];
     for (name, medium) in media {
         for (kind, material) in [("matched", ""), ("dielectric", "material = \"glass\"")] {
-            for (place, z, expected) in [("outside", 3.0, 1.0), ("inside", 0.3, if kind == "matched" { 1.0 } else { 2.25 })] {
+            for (place, z, expected) in
+                [("outside", 3.0, 1.0), ("inside", 0.3, if kind == "matched" { 1.0 } else { 2.25 })]
+            {
                 let text = format!(
                     "{}{SKY}[media.fog]\n{medium}\n[materials.glass]\ntype = \"dielectric\"\nior = 1.5\n{}",
                     view(4, [0.0, 0.0, z], [0.0; 3], [0.0, 1.0, 0.0], 30.0, "photon", 16),
@@ -311,7 +320,13 @@ fn a_furnace_of_lossless_solids_by_photons() {
                 let what = format!("{name}, {kind}, {place}");
                 for (count, bias) in [(20_000, 0.03), (320_000, 0.012)] {
                     let found = Estimate::of(8, &text, &[&format!("photons.volume={count}")]);
-                    checks.agree(&format!("{what}, {count} photons"), &found, &Estimate::exact([expected; 3]), 0.003, bias);
+                    checks.agree(
+                        &format!("{what}, {count} photons"),
+                        &found,
+                        &Estimate::exact([expected; 3]),
+                        0.003,
+                        bias,
+                    );
                 }
             }
         }

@@ -3,9 +3,12 @@
 mod support;
 
 mod beam_against_path;
+#[cfg(feature = "cli")]
+mod cli;
 mod closed_forms;
 mod determinism;
 mod references;
 mod scene_files;
 mod slab;
+mod stress;
 mod vdb;

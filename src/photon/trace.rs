@@ -151,12 +151,12 @@ impl Tracer<'_> {
             .into_par_iter()
             .map(|index| {
                 let mut chunk = Chunk::default();
-                if stop() {
-                    return chunk;
-                }
                 let range = index * CHUNK..((index + 1) * CHUNK).min(emitted);
                 let count = range.end - range.start;
                 for photon in range {
+                    if stop() {
+                        return chunk;
+                    }
                     let mut stream = Stream::new(pass.seed, purpose, photon, pass.index);
                     self.emit(&mut stream, &mut chunk);
                 }

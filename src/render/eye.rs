@@ -97,6 +97,9 @@ pub enum Mode<'a> {
 /// The safety stop of walks that nothing ends: never below 10⁹ events; counted when it strikes.
 pub const SAFETY_STOP: u64 = 1_000_000_000;
 
+/// Samples of more radiance than this would leave the range of images, which are `f32`: dropped and counted.
+const BRIGHTEST: f64 = 1e30;
+
 /// Eye weights below this are thinned by roulette where photons are gathered.
 const FAINT: f64 = 0.25;
 
@@ -184,7 +187,7 @@ impl<'s> Eye<'s> {
         let split = matches!(self.mode, Mode::Split);
         self.follow(Walk::start(self.scene, ray, inside), path, split, &mut sample, context);
         for radiance in &mut sample.radiance {
-            if !radiance.is_finite() {
+            if !radiance.is_finite() || radiance.max_element() > BRIGHTEST {
                 context.tally.broken += 1;
                 *radiance = Rgb::ZERO;
             }

@@ -254,6 +254,9 @@ impl<P: Progress> Renderer<'_, P> {
         let mut tally = Tally::default();
         let mut sums = Vec::with_capacity(((x1 - x0) * (y1 - y0)) as usize);
         for (x, y) in (y0..y1).flat_map(|y| (x0..x1).map(move |x| (x, y))) {
+            if self.stopped() {
+                break;
+            }
             let pixel = y as u64 * width as u64 + x as u64;
             let offset = Stream::new(scene.render.seed, Purpose::Pixel, pixel, pass as u64).uniform2();
             let mut sum = Sums::default();
@@ -359,6 +362,6 @@ fn report(stats: &Stats, warnings: &mut Vec<String>) {
         warnings.push(format!("{stopped} walks were cut off after 10⁹ events"));
     }
     if broken > 0 {
-        warnings.push(format!("{broken} samples were dropped because a number was not finite"));
+        warnings.push(format!("{broken} samples or photons were dropped because a number was not finite or above 10³⁰: the light is too strong for images of 32-bit numbers"));
     }
 }

@@ -272,7 +272,7 @@ impl<'d> Builder<'d> {
             density,
             emission,
         };
-        if said.sigma_t().max_element() > 0.0 && medium.density.max() <= 0.0 {
+        if said.sigma_t().max_element() > 0.0 && medium.is_clear() {
             self.warnings.push(format!("{}: the density is 0 everywhere: the medium is vacuum", said.place));
         }
         Ok(medium)
@@ -316,6 +316,14 @@ impl<'d> Builder<'d> {
     fn array(&mut self, file: &Located<PathBuf>, min: DVec3, max: DVec3) -> Result<Grid> {
         let array = npy::read(&file.value).map_err(|error| file.place.error(error))?;
         let [nx, ny, nz] = array.dims;
+        let count = |wrong: fn(&f32) -> bool| array.values.iter().filter(|value| wrong(value)).count();
+        let (odd, negative) = (count(|value| !value.is_finite()), count(|value| *value < 0.0));
+        if odd + negative > 0 {
+            return Err(file.place.error(format!(
+                "{}: {odd} values are infinite or not numbers and {negative} are negative; densities must be finite and at least 0: repair the array",
+                file.value.display()
+            )));
+        }
         // Clamped to the outer samples inside the box: one more layer of them all around.
         let mut values = Vec::with_capacity((nx + 2) * (ny + 2) * (nz + 2));
         for k in 0..nz + 2 {

@@ -71,14 +71,46 @@ pub fn fly(
         return collision;
     };
 
-    // Delta tracking under local majorants (Woodcock et al. 1965; per channel as in Kutz et al. 2017).
+    // Delta tracking under local majorants (Woodcock et al. 1965; per channel as in Kutz et al. 2017). Where they
+    // promise long work, the density itself is the majorant: its depth is known cell by cell.
     let largest = sigma.max_element();
     let mut collision = None;
     let mut target = stream.exponential();
+    let mut collides = |t: f64, density: f64, majorant: f64, stream: &mut Stream| {
+        let extinction = sigma * density;
+        let mu = majorant * largest;
+        emission(t, *weight * (density / mu));
+        let real = ((shares(*weight) * extinction).element_sum() / mu).min(1.0);
+        if stream.uniform() < real {
+            *weight *= extinction / (mu * real);
+            return true;
+        }
+        *weight *= ((Rgb::ONE - extinction / mu) / (1.0 - real)).max(Rgb::ZERO);
+        false
+    };
     grid.majorants(ray, a, b, |from, to, majorant| {
         let mu = majorant * largest;
         if mu <= 0.0 {
             return ControlFlow::Continue(());
+        }
+        if (to - from) * mu > LABORIOUS {
+            grid.cells(ray, from, to, |cell| {
+                let depth = cell.integral() * largest;
+                let mut passed = 0.0;
+                while passed + target < depth {
+                    passed += target;
+                    target = stream.exponential();
+                    let t = grid.within(ray, &cell, passed / largest);
+                    let density = grid.at(ray.at(t));
+                    if density > 0.0 && collides(t, density, density, stream) {
+                        collision = Some(t);
+                        return ControlFlow::Break(());
+                    }
+                }
+                target -= depth - passed;
+                ControlFlow::Continue(())
+            });
+            return if collision.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
         }
         let mut t = from;
         loop {
@@ -90,22 +122,21 @@ pub fn fly(
             t += step;
             target = stream.exponential();
             let density = grid.at(ray.at(t));
-            let extinction = sigma * density;
             if density > majorant * (1.0 + 1e-5) {
                 tally.violations += 1;
             }
-            emission(t, *weight * (density / mu));
-            let real = ((shares(*weight) * extinction).element_sum() / mu).min(1.0);
-            if stream.uniform() < real {
-                *weight *= extinction / (mu * real);
+            if collides(t, density, majorant, stream) {
                 collision = Some(t);
                 return ControlFlow::Break(());
             }
-            *weight *= ((Rgb::ONE - extinction / mu) / (1.0 - real)).max(Rgb::ZERO);
         }
     });
     collision
 }
+
+/// Delta tracking that has to expect more tentative collisions than this on one piece of a ray gives way to
+/// exact depths.
+const LABORIOUS: f64 = 32.0;
 
 /// The density per length with which [`fly`] collides at `t` after it entered at `a` with `weight`; for
 /// voxels, where it is not known, a stand-in that depends on nothing but its arguments.
@@ -123,7 +154,7 @@ pub fn flight_density(medium: &Medium, ray: &Ray, a: f64, t: f64, weight: Rgb) -
 
 /// Multiplies `weight` by an unbiased estimate of the transmittance from `a` to `b`: exact where the
 /// depth has a closed form, by ratio tracking (Novák et al. 2014) in voxels, ended by roulette once
-/// little is left.
+/// little is left; exact again where that would take long.
 pub fn pass(medium: &Medium, ray: &Ray, (a, b): (f64, f64), weight: &mut Rgb, stream: &mut Stream) {
     let Density::Grid(grid) = &medium.density else {
         *weight *= medium.transmittance(medium.density.depth(ray, a, b));
@@ -137,6 +168,15 @@ pub fn pass(medium: &Medium, ray: &Ray, (a, b): (f64, f64), weight: &mut Rgb, st
         let mu = majorant * largest;
         if mu <= 0.0 {
             return ControlFlow::Continue(());
+        }
+        if (to - from) * mu > LABORIOUS {
+            let mut depth = 0.0;
+            grid.cells(ray, from, to, |cell| {
+                depth += cell.integral();
+                ControlFlow::Continue(())
+            });
+            *weight *= medium.transmittance(depth);
+            return if weight.max_element() > 0.0 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) };
         }
         let mut t = from;
         loop {

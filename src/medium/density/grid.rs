@@ -106,7 +106,7 @@ impl Grid {
 
     /// Where in a cell the depth since its start reaches `target`: Newton's method, kept between bounds.
     /// Simpson's rule is exact on any part of a cell, where the density is a cubic.
-    fn within(&self, ray: &Ray, cell: &Cell, target: f64) -> f64 {
+    pub fn within(&self, ray: &Ray, cell: &Cell, target: f64) -> f64 {
         let start = cell.rho_a as f64;
         if cell.is_constant() {
             return (cell.ta + target / start).min(cell.tb);

@@ -66,6 +66,10 @@ fn parse(bytes: &[u8]) -> Result<Array, String> {
         return Err(format!("has the shape ({shape}), expected three dimensions [z][y][x]"));
     };
 
+    if nx.min(ny).min(nz) == 0 {
+        return Err(format!("has the shape ({shape}), which holds no values"));
+    }
+
     // The values.
     let size = nz.checked_mul(ny).and_then(|n| n.checked_mul(nx)).and_then(|n| n.checked_mul(4));
     if size != Some(data.len()) {

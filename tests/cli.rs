@@ -1,0 +1,355 @@
+//! The program at its command line: what it accepts, refuses, writes, and how it ends.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+use volpm::image::{self, Attribute, LayerData, Picture};
+
+const SCENE: &str = r#"
+[film]
+width = 12
+height = 8
+
+[camera]
+position = [0, 0, 5]
+target = [0, 0, 0]
+
+[render]
+samples = 4
+
+[photons]
+volume = 2000
+
+[media.smoke]
+sigma_t = 2
+albedo = [0.9, 0.8, 0.5]
+
+[materials.white]
+type = "lambert"
+reflectance = 0.7
+
+[materials.mirror]
+type = "mirror"
+
+[[shapes]]
+type = "box"
+min = [-1, -1, -1]
+max = [1, 1, 1]
+interior = "smoke"
+
+[[shapes]]
+type = "mesh"
+file = "models/floor.obj"
+material = "white"
+
+[[shapes]]
+type = "sphere"
+center = [1.5, 0, 0]
+radius = 0.5
+material = "mirror"
+
+[[lights]]
+type = "point"
+position = [2, 3, 2]
+intensity = 50
+radius = 0.2
+"#;
+
+const FLOOR: &str = "v -5 -1 -5\nv -5 -1 5\nv 5 -1 5\nv 5 -1 -5\nf 1 2 3 4\n";
+
+/// A folder with a scene in a folder of its own.
+fn workplace() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir_all(folder.path().join("scènes of mine/models")).unwrap();
+    fs::write(folder.path().join("scènes of mine/smoke ☁.toml"), SCENE).unwrap();
+    fs::write(folder.path().join("scènes of mine/models/floor.obj"), FLOOR).unwrap();
+    folder
+}
+
+const NAME: &str = "scènes of mine/smoke ☁.toml";
+
+fn program(folder: &Path, arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_volpm"));
+    command.current_dir(folder).args(arguments).stdin(Stdio::null());
+    command
+}
+
+fn run(folder: &Path, arguments: &[&str]) -> Output {
+    program(folder, arguments).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).unwrap()
+}
+
+fn names_in(folder: &Path) -> Vec<String> {
+    let mut names: Vec<String> =
+        fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+/// The largest difference between the image and the sum of its components, as a share of the largest value.
+fn excess(picture: &Picture) -> f32 {
+    const COMPONENTS: [&str; 8] = [
+        "emission",
+        "direct",
+        "indirect",
+        "specular",
+        "caustic",
+        "volume_emission",
+        "volume_single",
+        "volume_multiple",
+    ];
+    let mut sums = vec![[0.0f32; 3]; picture.image.pixels.len()];
+    for layer in picture.layers.iter().filter(|layer| COMPONENTS.contains(&layer.name.as_str())) {
+        let LayerData::Rgb(values) = &layer.channels else { panic!("{} is no colour", layer.name) };
+        for (sum, value) in sums.as_flattened_mut().iter_mut().zip(values.as_flattened()) {
+            *sum += value;
+        }
+    }
+    let values = picture.image.pixels.as_flattened();
+    let largest = values.iter().fold(0.0f32, |a, &b| a.max(b));
+    sums.as_flattened().iter().zip(values).fold(0.0f32, |most, (a, b)| most.max((a - b).abs())) / largest
+}
+
+#[test]
+fn a_render_writes_what_was_asked_for_and_where() {
+    let folder = workplace();
+    let at = |name: &str| folder.path().join(name);
+    for method in ["photon", "path"] {
+        let set = format!("render.method={method}");
+        let outputs = ["-o", "a b.exr", "-o", "ü.png", "-o", "c.pfm", "-o", "d.HDR"];
+        let options = ["--set", &set, "--samples", "3", "--seed", "7", "--threads", "2", "--stats", "stats.json"];
+        let done = run(folder.path(), &[&["render", NAME], &outputs[..], &options].concat());
+        assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+        assert!(done.stdout.is_empty());
+        // No terminal, no progress: lines of plain text.
+        let messages = text(&done.stderr);
+        assert!(messages.contains("medium smoke") && !messages.contains(['\r', '\u{1b}']), "{messages:?}");
+
+        let picture = image::read(at("a b.exr")).unwrap();
+        assert_eq!((picture.image.width, picture.image.height), (12, 8));
+        assert!(excess(&picture) < 1e-5, "{method}: components miss the image by {}", excess(&picture));
+        let layers: Vec<&str> = picture.layers.iter().map(|layer| layer.name.as_str()).collect();
+        for name in ["direct", "specular", "volume_single", "volume_multiple", "albedo", "normal", "depth"] {
+            assert!(layers.contains(&name), "{method}: {name} is not in {layers:?}");
+        }
+        for absent in ["volume_emission", "standard_error"] {
+            assert!(!layers.contains(&absent), "{method}: {absent}");
+        }
+        let attribute = |name: &str| picture.attributes.iter().find(|(key, _)| key == name).map(|(_, value)| value);
+        assert!(matches!(attribute("scene"), Some(Attribute::Text(scene)) if scene.ends_with("smoke ☁.toml")));
+        assert!(matches!(attribute("seed"), Some(Attribute::Text(seed)) if seed == "7"));
+        assert!(
+            matches!(attribute("renderer"), Some(Attribute::Text(version)) if version.contains(env!("CARGO_PKG_VERSION")))
+        );
+        assert!(matches!(attribute("seconds"), Some(Attribute::Number(seconds)) if *seconds > 0.0));
+        // PFM holds the same numbers.
+        assert_eq!(image::read(at("c.pfm")).unwrap().image.pixels, picture.image.pixels);
+        assert_eq!(image::read(at("ü.png")).unwrap().image.width, 12);
+        assert_eq!(image::read(at("d.HDR")).unwrap().image.height, 8);
+
+        let stats: Value = serde_json::from_slice(&fs::read(at("stats.json")).unwrap()).unwrap();
+        for key in [
+            "/scene",
+            "/method",
+            "/seed",
+            "/threads",
+            "/seconds/load",
+            "/seconds/photons",
+            "/seconds/build",
+            "/seconds/render",
+            "/seconds/total",
+            "/photons/emitted",
+            "/photons/volume",
+            "/photons/global",
+            "/photons/caustic",
+            "/gather/queries",
+            "/gather/tested",
+            "/gather/gathered",
+            "/bytes/peak",
+            "/bytes/volume_map",
+            "/bytes/surface_maps",
+            "/bytes/density",
+            "/passes",
+            "/samples",
+        ] {
+            assert!(stats.pointer(key).is_some_and(|value| !value.is_null()), "{key} in {stats}");
+        }
+        assert_eq!((&stats["method"], &stats["seed"], &stats["threads"]), (&method.into(), &7.into(), &2.into()));
+        assert_eq!((&stats["samples"], &stats["passes"]), (&3.into(), &1.into()));
+        assert_eq!(stats["photons"]["volume"].as_u64() > Some(0), method == "photon");
+    }
+    // Unless told otherwise: <scene>.exr and <scene>.png in the current folder. Quiet is silent.
+    let done = run(folder.path(), &["render", NAME, "--quiet"]);
+    assert_eq!((done.status.code(), done.stdout, done.stderr), (Some(0), vec![], vec![]));
+    assert_eq!(
+        names_in(folder.path()),
+        ["a b.exr", "c.pfm", "d.HDR", "scènes of mine", "smoke ☁.exr", "smoke ☁.png", "stats.json", "ü.png"]
+    );
+    // Any number of threads gives the same pixels.
+    for (threads, name) in [("1", "one.pfm"), ("3", "three.pfm")] {
+        assert!(run(folder.path(), &["render", NAME, "-q", "--threads", threads, "-o", name]).status.success());
+    }
+    assert_eq!(fs::read(at("one.pfm")).unwrap(), fs::read(at("three.pfm")).unwrap());
+}
+
+#[test]
+fn what_is_wrong_is_refused_before_the_work() {
+    let folder = workplace();
+    fs::create_dir(folder.path().join("folder.exr")).unwrap();
+    fs::write(folder.path().join("notes.txt"), "").unwrap();
+    fs::write(folder.path().join("broken.exr"), "no image").unwrap();
+    let before = names_in(folder.path());
+    // A render of what is valid here would take hours.
+    let render = |more: &[&'static str]| [&["render", NAME, "--samples", "1000000"], more].concat();
+    let cases: Vec<(Vec<&str>, i32, &str)> = vec![
+        (vec![], 2, "Usage"),
+        (vec!["rendr", NAME], 2, "similar"),
+        (vec!["render"], 2, "<SCENE>"),
+        (vec!["render", "missing.toml"], 2, "missing.toml"),
+        (vec!["render", "scènes of mine"], 2, "is a folder"),
+        (render(&["--sample", "3"]), 2, "--samples"),
+        (render(&["--samples", "0"]), 2, "samples"),
+        (render(&["--threads", "0"]), 2, "1..=1024"),
+        (render(&["--set", "film.width"]), 2, "key=value"),
+        (render(&["--set", "film.widht=3"]), 2, "did you mean `width`"),
+        (render(&["--set", "shapes.1.file=nothing.obj"]), 2, "nothing.obj"),
+        (render(&["-o", "image"]), 2, ".exr, .png, .pfm or .hdr"),
+        (render(&["-o", "image.jpg"]), 2, ".exr, .png, .pfm or .hdr"),
+        (render(&["-o", "nowhere/image.exr"]), 1, "there is no folder nowhere"),
+        (render(&["-o", "folder.exr"]), 1, "this is a folder"),
+        (render(&["-o", "notes.txt/image.exr"]), 1, "notes.txt"),
+        (render(&["--stats", "nowhere/stats.json"]), 1, "there is no folder nowhere"),
+        (vec!["diff", "missing.exr", "missing.exr"], 2, "missing.exr"),
+        (vec!["diff", "broken.exr", "broken.exr"], 2, "broken.exr"),
+        (vec!["info", "notes.txt"], 2, ".toml, .vdb, .npy, .obj"),
+        (vec!["info", "broken.exr"], 2, "broken.exr"),
+        (vec!["compare", NAME, "-o", "study"], 2, "`volpm compare` is not supported yet"),
+        (vec!["merge", "a", "b", "-o", "c"], 2, "`volpm merge` is not supported yet"),
+        (vec!["plan", NAME], 2, "`volpm plan` is not supported yet"),
+        (vec!["check", NAME], 2, "`volpm check` is not supported yet"),
+        (vec!["new", "scene"], 2, "`volpm new` is not supported yet"),
+        (vec!["help", "media.fog.sigma_s"], 2, "not supported yet"),
+        (render(&["--passes", "2"]), 2, "--passes is not supported yet"),
+        (render(&["--time=30s"]), 2, "--time is not supported yet"),
+        (render(&["--target-error", "2%"]), 2, "--target-error is not supported yet"),
+        (render(&["--memory", "8GiB"]), 2, "--memory is not supported yet"),
+        (render(&["--checkpoint", "file"]), 2, "--checkpoint is not supported yet"),
+        (render(&["--resume", "file"]), 2, "--resume is not supported yet"),
+        (render(&["--pass-range", "0..3"]), 2, "--pass-range is not supported yet"),
+        (render(&["--preview", "p.png"]), 2, "--preview is not supported yet"),
+        (render(&["--tev", "localhost:14158"]), 2, "--tev is not supported yet"),
+    ];
+    for (arguments, status, message) in cases {
+        let done = run(folder.path(), &arguments);
+        let said = text(&done.stderr);
+        assert_eq!(done.status.code(), Some(status), "{arguments:?}: {said}");
+        assert!(said.contains(message), "{arguments:?}: {said}");
+        assert!(done.stdout.is_empty() && !said.contains("panicked"), "{arguments:?}: {said}");
+    }
+    assert_eq!(names_in(folder.path()), before);
+    // Errors are shown however quiet.
+    assert!(!run(folder.path(), &["render", "missing.toml", "-q"]).stderr.is_empty());
+    for arguments in [&["help"][..], &["--help"], &["help", "render"], &["--version"]] {
+        let done = run(folder.path(), arguments);
+        assert!(done.status.success() && !done.stdout.is_empty() && done.stderr.is_empty(), "{arguments:?}");
+    }
+}
+
+#[test]
+fn figures_and_facts_go_to_stdout() {
+    let folder = workplace();
+    assert!(run(folder.path(), &["render", NAME, "-q", "-o", "a.exr", "-o", "a.pfm"]).status.success());
+    let same = run(folder.path(), &["diff", "a.exr", "a.pfm", "--json"]);
+    let figures: Value = serde_json::from_slice(&same.stdout).unwrap();
+    assert_eq!(figures["rmse"], 0.0, "{figures}");
+    assert!(same.stderr.is_empty());
+    for file in [NAME, "a.exr", "a.pfm", "scènes of mine/models/floor.obj"] {
+        let plain = run(folder.path(), &["info", file]);
+        assert!(plain.status.success() && plain.stderr.is_empty() && text(&plain.stdout).contains("file: "), "{file}");
+        let facts: Value = serde_json::from_slice(&run(folder.path(), &["info", file, "--json"]).stdout).unwrap();
+        assert!(facts.is_object(), "{file}");
+    }
+    let missing = run(folder.path(), &["diff", "a.exr", "a.exr", "--layer", "nothing"]);
+    assert_eq!(missing.status.code(), Some(2));
+    assert!(text(&missing.stderr).contains("volume_single"), "{}", text(&missing.stderr));
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_costs_no_old_file() {
+    let folder = workplace();
+    let at = |name: &str| folder.path().join(name);
+    fs::write(at("old.exr"), "old").unwrap();
+    // Files of this process end after a block of 512 or 1024 bytes.
+    let limited = "trap '' XFSZ; ulimit -f 1; exec \"$0\" \"$@\"";
+    let arguments =
+        ["-c", limited, env!("CARGO_BIN_EXE_volpm"), "render", NAME, "-q", "-o", "old.exr", "-o", "new.png"];
+    let done = Command::new("sh").current_dir(folder.path()).args(arguments).output().unwrap();
+    let said = text(&done.stderr);
+    assert_eq!(done.status.code(), Some(1), "{said}");
+    assert!(said.contains("cannot write old.exr"), "{said}");
+    assert_eq!(fs::read(at("old.exr")).unwrap(), b"old");
+    // The image that fits is there, and nothing else.
+    assert_eq!(names_in(folder.path()), ["new.png", "old.exr", "scènes of mine"]);
+    assert!(image::read(at("new.png")).is_ok());
+    // A folder that takes no files is found out before the work; so is a device that is full.
+    let done = run(folder.path(), &["render", NAME, "--samples", "1000000", "-o", "/proc/image.exr"]);
+    assert_eq!(done.status.code(), Some(1), "{}", text(&done.stderr));
+    let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let done = program(folder.path(), &["info", NAME]).stdout(full).output().unwrap();
+    assert_eq!(done.status.code(), Some(1), "{}", text(&done.stderr));
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_render_writes_what_it_has() {
+    use std::io::{BufRead, BufReader};
+    let folder = workplace();
+    for method in ["photon", "path"] {
+        let set = format!("render.method={method}");
+        let arguments = ["render", NAME, "--samples", "100000000", "--set", &set, "-o", "a.exr", "--stats", "s.json"];
+        let mut child = program(folder.path(), &arguments).stderr(Stdio::piped()).spawn().unwrap();
+        // The first message comes when Ctrl-C is listened for and the scene is loaded.
+        let mut messages = BufReader::new(child.stderr.take().unwrap());
+        let mut said = String::new();
+        messages.read_line(&mut said).unwrap();
+        std::thread::sleep(Duration::from_secs(2));
+        let sent = Instant::now();
+        let id = child.id().to_string();
+        assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+        let status = child.wait().unwrap();
+        assert_eq!(status.code(), Some(130), "{method}");
+        assert!(sent.elapsed() < Duration::from_secs(10), "{method}: it took {:?} to stop", sent.elapsed());
+        let picture = image::read(folder.path().join("a.exr")).unwrap();
+        assert!(picture.image.pixels.iter().all(|pixel| pixel.iter().all(|value| value.is_finite())));
+        assert!(picture.image.channel_means()[0] > 0.0, "{method}: the image is black");
+        let stats: Value = serde_json::from_slice(&fs::read(folder.path().join("s.json")).unwrap()).unwrap();
+        assert_eq!(stats["interrupted"], true);
+    }
+}
+
+#[test]
+fn only_the_command_line_prints() {
+    fn search(folder: &Path) {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                if !path.ends_with("src/cli") {
+                    search(&path);
+                }
+                continue;
+            }
+            let source = fs::read_to_string(&path).unwrap();
+            for call in ["print!(", "println!(", "dbg!("] {
+                assert!(!source.contains(call), "{} calls {call}…)", path.display());
+            }
+        }
+    }
+    search(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src"));
+}
