@@ -4,6 +4,8 @@ use crate::math::{DMat3, DVec3, Rgb};
 
 /// Below this nothing visible is radiated.
 const COLDEST: f64 = 400.0;
+/// From here on the table is too coarse.
+const HOTTEST: f64 = 40_000.0;
 /// Planck's constant, J s; the speed of light, m/s; Boltzmann's constant, J/K (SI 2019, exact).
 const H: f64 = 6.626_070_15e-34;
 const C: f64 = 299_792_458.0;
@@ -45,8 +47,8 @@ impl BlackBody {
         }
         let steps = self.table.len();
         let x = (1.0 - COLDEST / kelvin) * steps as f64;
-        // ln XYZ is nearly linear in 1/T; beyond the last entry (400 000 K) it is not, and is computed.
-        let xyz = if x >= (steps - 1) as f64 {
+        // ln XYZ is nearly linear in 1/T; of the hottest it is not, and is computed.
+        let xyz = if kelvin >= HOTTEST {
             xyz(kelvin)
         } else {
             let i = x as usize;
