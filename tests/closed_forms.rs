@@ -138,7 +138,7 @@ fn a_furnace_of_lossless_solids_by_path_tracing() {
 fn a_closed_furnace() {
     let mut checks = Checks::default();
     for method in BOTH {
-        let mut text = along_z(0.8, 70.0, method, if method == "path" { 4096 } else { 256 });
+        let mut text = along_z(0.8, 70.0, method, if method == "path" { 1 << 13 } else { 1 << 11 });
         write!(
             text,
             "[photons]\nvolume = 100_000\n[media.fog]\nsigma_s = 0.8\n[materials.wall]\ntype = \"lambert\"\nreflectance = 0.6\n\
@@ -309,9 +309,9 @@ fn a_furnace_of_lossless_solids_by_photons() {
                     ball(material)
                 );
                 let what = format!("{name}, {kind}, {place}");
-                for (count, bias) in [(20_000, 0.03), (320_000, 0.012)] {
+                for (count, bias) in [(10_000, 0.03), (160_000, 0.015)] {
                     let found = Estimate::of(8, &text, &[&format!("photons.volume={count}")]);
-                    checks.agree(&format!("{what}, {count} photons"), &found, &Estimate::exact([expected; 3]), 0.003, bias);
+                    checks.agree(&format!("{what}, {count} photons"), &found, &Estimate::exact([expected; 3]), 0.015, bias);
                 }
             }
         }

@@ -66,6 +66,12 @@ struct Allowed {
 
 const UNBIASED: Allowed = Allowed { mean: 0.0, block: 0.0, precision: 0.003 };
 
+/// 100 000 photons blur: into the dark around smoke, out of the glare around a lamp.
+const BLURRED: Allowed = Allowed { mean: 0.01, block: 0.03, precision: 0.005 };
+
+/// Where phase functions peak, the pixels around the lamp are noisy.
+const PEAKED: f64 = 0.015;
+
 /// Compares the whole image and its blocks, leaving out pixels that are not in `part`.
 fn compare(
     checks: &mut Checks,
@@ -122,10 +128,10 @@ fn a_room_full_of_fog() {
     let mut checks = Checks::default();
     let text = scene_text("reference/cornell_fog/scene.toml");
     let reference = Reference::made_by_others("cornell_fog");
-    let path = images(SEEDS, &text, &["render.method=path", "render.samples=8", "film.layers=false"]);
+    let path = images(SEEDS, &text, &["render.method=path", "render.samples=12", "film.layers=false"]);
     compare(&mut checks, "path", &path, &reference, &UNBIASED, everywhere);
     let photon = images(SEEDS, &text, &["render.method=photon", "render.samples=4", "photons.volume=100000", "film.layers=false"]);
-    compare(&mut checks, "photon", &photon, &reference, &UNBIASED, everywhere);
+    compare(&mut checks, "photon", &photon, &reference, &BLURRED, everywhere);
     checks.finish();
 }
 
@@ -138,10 +144,10 @@ fn smoke_in_a_grid() {
     let vdb = text.replace(array, "density = { type = \"vdb\", file = \"reference/smoke_grid/smoke_grid_64.vdb\", grid = \"density\" }");
     let reference = Reference::made_by_others("smoke_grid");
     for (name, text) in [("npy", &npy), ("vdb", &vdb)] {
-        let path = images(SEEDS, text, &["render.method=path", "render.samples=4", "film.layers=false"]);
+        let path = images(SEEDS, text, &["render.method=path", "render.samples=6", "film.layers=false"]);
         compare(&mut checks, &format!("{name}, path"), &path, &reference, &UNBIASED, everywhere);
         let photon = images(SEEDS, text, &["render.method=photon", "render.samples=4", "photons.volume=100000", "film.layers=false"]);
-        compare(&mut checks, &format!("{name}, photon"), &photon, &reference, &UNBIASED, everywhere);
+        compare(&mut checks, &format!("{name}, photon"), &photon, &reference, &BLURRED, everywhere);
     }
     checks.finish();
 }
@@ -152,10 +158,10 @@ fn single_scattering_around_a_point_light() {
     for name in ["iso", "hg075", "schlick07"] {
         let text = scene_text(&format!("reference/analytic_point/{name}.toml"));
         let reference = Reference::exact(&format!("analytic_point/{name}"));
-        let path = images(SEEDS, &text, &["render.method=path", "render.samples=4", "film.layers=false"]);
-        compare(&mut checks, &format!("{name}, path"), &path, &reference, &UNBIASED, everywhere);
+        let path = images(SEEDS, &text, &["render.method=path", "render.samples=8", "film.layers=false"]);
+        compare(&mut checks, &format!("{name}, path"), &path, &reference, &Allowed { precision: PEAKED, ..UNBIASED }, everywhere);
         let photon = images(SEEDS, &text, &["render.method=photon", "render.samples=4", "photons.volume=100000", "film.layers=false"]);
-        compare(&mut checks, &format!("{name}, photon"), &photon, &reference, &UNBIASED, everywhere);
+        compare(&mut checks, &format!("{name}, photon"), &photon, &reference, &Allowed { precision: PEAKED, ..BLURRED }, everywhere);
     }
     checks.finish();
 }
