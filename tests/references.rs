@@ -105,7 +105,13 @@ fn compare(
                 outside += (z > 3.0) as usize;
                 if z > worst.0 {
                     let share = 100.0 * difference / expected.mean[c];
-                    worst = (z, format!("block {bx} {by}, channel {c}, {share:+.2} % ± {:.2} %", 100.0 * error / expected.mean[c]));
+                    worst = (
+                        z,
+                        format!(
+                            "block {bx} {by}, channel {c}, {share:+.2} % ± {:.2} %",
+                            100.0 * error / expected.mean[c]
+                        ),
+                    );
                 }
             }
         }
@@ -113,12 +119,18 @@ fn compare(
     // Of so many comparisons, some lie outside of 3 standard errors that are themselves estimated from a few seeds:
     // with 16 of them 0.9 % do, if nothing is wrong.
     let (z, place) = worst;
-    let text = format!("{what}: {outside} of {count} block means outside of 3 standard errors; worst {z:.1} at {place}");
+    let text =
+        format!("{what}: {outside} of {count} block means outside of 3 standard errors; worst {z:.1} at {place}");
     checks.holds(text, outside as f64 <= 0.02 * count as f64 && z < 6.5);
 }
 
 fn everywhere(_: usize, _: usize) -> bool {
     true
+}
+
+/// Discs blur the singularity at the lamp, in the middle of the image.
+fn away_from_the_lamp(x: usize, y: usize) -> bool {
+    !((32..64).contains(&x) && (32..64).contains(&y))
 }
 
 const SEEDS: u32 = 16;
@@ -128,9 +140,13 @@ fn a_room_full_of_fog() {
     let mut checks = Checks::default();
     let text = scene_text("reference/cornell_fog/scene.toml");
     let reference = Reference::made_by_others("cornell_fog");
-    let path = images(SEEDS, &text, &["render.method=path", "render.samples=12", "film.layers=false"]);
+    let path = images(2 * SEEDS, &text, &["render.method=path", "render.samples=8", "film.layers=false"]);
     compare(&mut checks, "path", &path, &reference, &UNBIASED, everywhere);
-    let photon = images(SEEDS, &text, &["render.method=photon", "render.samples=4", "photons.volume=100000", "film.layers=false"]);
+    let photon = images(
+        SEEDS,
+        &text,
+        &["render.method=photon", "render.samples=4", "photons.volume=100000", "film.layers=false"],
+    );
     compare(&mut checks, "photon", &photon, &reference, &BLURRED, everywhere);
     checks.finish();
 }
@@ -141,12 +157,19 @@ fn smoke_in_a_grid() {
     let text = scene_text("reference/smoke_grid/scene.toml");
     let npy = text.replace("smoke_grid_64.npy", "reference/smoke_grid/smoke_grid_64.npy");
     let array = text.lines().find(|line| line.starts_with("density")).unwrap();
-    let vdb = text.replace(array, "density = { type = \"vdb\", file = \"reference/smoke_grid/smoke_grid_64.vdb\", grid = \"density\" }");
+    let vdb = text.replace(
+        array,
+        "density = { type = \"vdb\", file = \"reference/smoke_grid/smoke_grid_64.vdb\", grid = \"density\" }",
+    );
     let reference = Reference::made_by_others("smoke_grid");
     for (name, text) in [("npy", &npy), ("vdb", &vdb)] {
         let path = images(SEEDS, text, &["render.method=path", "render.samples=6", "film.layers=false"]);
         compare(&mut checks, &format!("{name}, path"), &path, &reference, &UNBIASED, everywhere);
-        let photon = images(SEEDS, text, &["render.method=photon", "render.samples=4", "photons.volume=100000", "film.layers=false"]);
+        let photon = images(
+            SEEDS,
+            text,
+            &["render.method=photon", "render.samples=4", "photons.volume=100000", "film.layers=false"],
+        );
         compare(&mut checks, &format!("{name}, photon"), &photon, &reference, &BLURRED, everywhere);
     }
     checks.finish();
@@ -159,9 +182,27 @@ fn single_scattering_around_a_point_light() {
         let text = scene_text(&format!("reference/analytic_point/{name}.toml"));
         let reference = Reference::exact(&format!("analytic_point/{name}"));
         let path = images(SEEDS, &text, &["render.method=path", "render.samples=8", "film.layers=false"]);
-        compare(&mut checks, &format!("{name}, path"), &path, &reference, &Allowed { precision: PEAKED, ..UNBIASED }, everywhere);
-        let photon = images(SEEDS, &text, &["render.method=photon", "render.samples=4", "photons.volume=100000", "film.layers=false"]);
-        compare(&mut checks, &format!("{name}, photon"), &photon, &reference, &Allowed { precision: PEAKED, ..BLURRED }, everywhere);
+        compare(
+            &mut checks,
+            &format!("{name}, path"),
+            &path,
+            &reference,
+            &Allowed { precision: PEAKED, ..UNBIASED },
+            everywhere,
+        );
+        let photon = images(
+            SEEDS,
+            &text,
+            &["render.method=photon", "render.samples=4", "photons.volume=100000", "film.layers=false"],
+        );
+        compare(
+            &mut checks,
+            &format!("{name}, photon"),
+            &photon,
+            &reference,
+            &Allowed { precision: PEAKED, ..BLURRED },
+            away_from_the_lamp,
+        );
     }
     checks.finish();
 }

@@ -218,7 +218,15 @@ fn wide(row: &Row, transmitted: bool, samples: u32) -> String {
          [[lights]]\ntype = \"environment\"\nradiance = 1.0\n\
          [[shapes]]\ntype = \"box\"\nmin = [{}, {}, {}]\nmax = [{half}, {half}, 0]\nmaterial = \"{}\"\ninterior = \"fog\"\n\
          [[shapes]]\ntype = \"quad\"\norigin = [{}, {}, {sheet}]\nedge_u = [{}, 0, 0]\nedge_v = [0, {}, 0]\nmaterial = \"black\"\n",
-        medium(row), -half, -half, -row.tau, boundary(row), -far, -far, 2.0 * far, 2.0 * far
+        medium(row),
+        -half,
+        -half,
+        -row.tau,
+        boundary(row),
+        -far,
+        -far,
+        2.0 * far,
+        2.0 * far
     )
 }
 
@@ -239,7 +247,10 @@ fn column(row: &Row, transmitted: bool, samples: u32, photons: u32) -> String {
          [[shapes]]\ntype = \"quad\"\norigin = [-0.5, -0.5, {dark}]\nedge_u = [1, 0, 0]\nedge_v = [0, 1, 0]\nmaterial = \"black\"\n\
          [[shapes]]\ntype = \"disk\"\ncenter = [0, 0, {lit}]\nnormal = [0, 0, {}]\nradius = 0.8\nmaterial = \"black\"\n\
          emission = {{ radiance = 1.0 }}\n",
-        medium(row), -row.tau, boundary(row), if transmitted { 1 } else { -1 }
+        medium(row),
+        -row.tau,
+        boundary(row),
+        if transmitted { 1 } else { -1 }
     );
     let height = top - bottom;
     for (x, y, u) in [(-0.5, -0.5, [1, 0]), (-0.5, 0.5, [1, 0]), (-0.5, -0.5, [0, 1]), (0.5, -0.5, [0, 1])] {
