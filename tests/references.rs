@@ -69,6 +69,9 @@ const UNBIASED: Allowed = Allowed { mean: 0.0, block: 0.0, precision: 0.003 };
 /// 100 000 photons blur: into the dark around smoke, out of the glare around a lamp.
 const BLURRED: Allowed = Allowed { mean: 0.01, block: 0.03, precision: 0.005 };
 
+/// In smoke whose mean free path is little wider than a disc, light also blurs into its shaded side.
+const BLURRED_SMOKE: Allowed = Allowed { mean: 0.01, block: 0.08, precision: 0.005 };
+
 /// Where phase functions peak, the pixels around the lamp are noisy.
 const PEAKED: f64 = 0.015;
 
@@ -116,12 +119,13 @@ fn compare(
             }
         }
     }
-    // Of so many comparisons, some lie outside of 3 standard errors that are themselves estimated from a few seeds:
-    // with 16 of them 0.9 % do, if nothing is wrong.
+    // With standard errors from 16 seeds, 0.9 % lie outside of three of them if nothing is wrong, and as many more as
+    // chance allows.
+    let expected = 0.009 * count as f64;
     let (z, place) = worst;
     let text =
         format!("{what}: {outside} of {count} block means outside of 3 standard errors; worst {z:.1} at {place}");
-    checks.holds(text, outside as f64 <= 0.02 * count as f64 && z < 6.5);
+    checks.holds(text, outside as f64 <= expected + 3.0 * expected.sqrt() && z < 6.5);
 }
 
 fn everywhere(_: usize, _: usize) -> bool {
@@ -170,7 +174,7 @@ fn smoke_in_a_grid() {
             text,
             &["render.method=photon", "render.samples=4", "photons.volume=100000", "film.layers=false"],
         );
-        compare(&mut checks, &format!("{name}, photon"), &photon, &reference, &BLURRED, everywhere);
+        compare(&mut checks, &format!("{name}, photon"), &photon, &reference, &BLURRED_SMOKE, everywhere);
     }
     checks.finish();
 }
