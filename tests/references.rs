@@ -197,7 +197,7 @@ fn single_scattering_around_a_point_light() {
         let photon = images(
             SEEDS,
             &text,
-            &["render.method=photon", "render.samples=4", "photons.volume=100000", "film.layers=false"],
+            &["render.method=photon", "render.samples=2", "photons.volume=400000", "film.layers=false"],
         );
         compare(
             &mut checks,
