@@ -66,6 +66,15 @@ struct Allowed {
 
 const UNBIASED: Allowed = Allowed { mean: 0.0, block: 0.0, precision: 0.003 };
 
+/// 100 000 photons blur: into the dark around smoke, out of the glare around a lamp.
+const BLURRED: Allowed = Allowed { mean: 0.01, block: 0.03, precision: 0.005 };
+
+/// In smoke whose mean free path is little wider than a disc, light also blurs into its shaded side.
+const BLURRED_SMOKE: Allowed = Allowed { mean: 0.01, block: 0.08, precision: 0.005 };
+
+/// Where phase functions peak, the pixels around the lamp are noisy.
+const PEAKED: f64 = 0.015;
+
 /// Compares the whole image and its blocks, leaving out pixels that are not in `part`.
 fn compare(
     checks: &mut Checks,
@@ -110,16 +119,22 @@ fn compare(
             }
         }
     }
-    // Of so many comparisons, some lie outside of 3 standard errors that are themselves estimated from a few seeds:
-    // with 16 of them 0.9 % do, if nothing is wrong.
+    // With standard errors from 16 seeds, 0.9 % lie outside of three of them if nothing is wrong, and as many more as
+    // chance allows.
+    let expected = 0.009 * count as f64;
     let (z, place) = worst;
     let text =
         format!("{what}: {outside} of {count} block means outside of 3 standard errors; worst {z:.1} at {place}");
-    checks.holds(text, outside as f64 <= 0.02 * count as f64 && z < 6.5);
+    checks.holds(text, outside as f64 <= expected + 3.0 * expected.sqrt() && z < 6.5);
 }
 
 fn everywhere(_: usize, _: usize) -> bool {
     true
+}
+
+/// Discs blur the singularity at the lamp, in the middle of the image.
+fn away_from_the_lamp(x: usize, y: usize) -> bool {
+    !((32..64).contains(&x) && (32..64).contains(&y))
 }
 
 const SEEDS: u32 = 16;
@@ -129,14 +144,14 @@ fn a_room_full_of_fog() {
     let mut checks = Checks::default();
     let text = scene_text("reference/cornell_fog/scene.toml");
     let reference = Reference::made_by_others("cornell_fog");
-    let path = images(SEEDS, &text, &["render.method=path", "render.samples=8", "film.layers=false"]);
+    let path = images(2 * SEEDS, &text, &["render.method=path", "render.samples=8", "film.layers=false"]);
     compare(&mut checks, "path", &path, &reference, &UNBIASED, everywhere);
     let photon = images(
         SEEDS,
         &text,
         &["render.method=photon", "render.samples=4", "photons.volume=100000", "film.layers=false"],
     );
-    compare(&mut checks, "photon", &photon, &reference, &UNBIASED, everywhere);
+    compare(&mut checks, "photon", &photon, &reference, &BLURRED, everywhere);
     checks.finish();
 }
 
@@ -152,14 +167,14 @@ fn smoke_in_a_grid() {
     );
     let reference = Reference::made_by_others("smoke_grid");
     for (name, text) in [("npy", &npy), ("vdb", &vdb)] {
-        let path = images(SEEDS, text, &["render.method=path", "render.samples=4", "film.layers=false"]);
+        let path = images(SEEDS, text, &["render.method=path", "render.samples=6", "film.layers=false"]);
         compare(&mut checks, &format!("{name}, path"), &path, &reference, &UNBIASED, everywhere);
         let photon = images(
             SEEDS,
             text,
             &["render.method=photon", "render.samples=4", "photons.volume=100000", "film.layers=false"],
         );
-        compare(&mut checks, &format!("{name}, photon"), &photon, &reference, &UNBIASED, everywhere);
+        compare(&mut checks, &format!("{name}, photon"), &photon, &reference, &BLURRED_SMOKE, everywhere);
     }
     checks.finish();
 }
@@ -170,14 +185,28 @@ fn single_scattering_around_a_point_light() {
     for name in ["iso", "hg075", "schlick07"] {
         let text = scene_text(&format!("reference/analytic_point/{name}.toml"));
         let reference = Reference::exact(&format!("analytic_point/{name}"));
-        let path = images(SEEDS, &text, &["render.method=path", "render.samples=4", "film.layers=false"]);
-        compare(&mut checks, &format!("{name}, path"), &path, &reference, &UNBIASED, everywhere);
+        let path = images(SEEDS, &text, &["render.method=path", "render.samples=8", "film.layers=false"]);
+        compare(
+            &mut checks,
+            &format!("{name}, path"),
+            &path,
+            &reference,
+            &Allowed { precision: PEAKED, ..UNBIASED },
+            everywhere,
+        );
         let photon = images(
             SEEDS,
             &text,
-            &["render.method=photon", "render.samples=4", "photons.volume=100000", "film.layers=false"],
+            &["render.method=photon", "render.samples=2", "photons.volume=400000", "film.layers=false"],
         );
-        compare(&mut checks, &format!("{name}, photon"), &photon, &reference, &UNBIASED, everywhere);
+        compare(
+            &mut checks,
+            &format!("{name}, photon"),
+            &photon,
+            &reference,
+            &Allowed { precision: PEAKED, ..BLURRED },
+            away_from_the_lamp,
+        );
     }
     checks.finish();
 }
