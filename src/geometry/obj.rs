@@ -283,7 +283,8 @@ mod tests {
         let (rows, columns) = (9, 14);
         for j in 0..=rows {
             for i in 0..columns {
-                let (theta, phi) = (3.1 * (j as f64 + 0.1) / rows as f64, 6.283 * i as f64 / columns as f64);
+                let (theta, phi) =
+                    (3.1 * (j as f64 + 0.1) / rows as f64, std::f64::consts::TAU * i as f64 / columns as f64);
                 let r = 1.0 + 0.1 * (3.0 * phi).sin() * theta.sin();
                 let (x, y, z) = (r * theta.sin() * phi.cos(), r * theta.cos(), r * theta.sin() * phi.sin());
                 text += &format!("v {x} {y} {z}\nvn {x} {y} {z}\n");

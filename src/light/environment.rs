@@ -68,7 +68,7 @@ impl Environment {
     }
 
     fn to_map(&self, direction: DVec3) -> DVec3 {
-        DVec3::from(glam::DMat3::from_rotation_y(-self.turn) * direction)
+        glam::DMat3::from_rotation_y(-self.turn) * direction
     }
 
     fn mean_radiance(&self) -> Rgb {

@@ -68,11 +68,11 @@ impl<'s> Sources<'s> {
             powers.push(light.power(&scene.surroundings).element_sum());
         }
         for (index, medium) in scene.media.iter().enumerate() {
-            if medium.glows() {
-                if let Some(glow) = Glow::new(scene, index as u32) {
-                    powers.push(glow.power);
-                    sources.push(Source::Glow(Box::new(glow)));
-                }
+            if medium.glows()
+                && let Some(glow) = Glow::new(scene, index as u32)
+            {
+                powers.push(glow.power);
+                sources.push(Source::Glow(Box::new(glow)));
             }
         }
         let total: f64 = powers.iter().sum();

@@ -127,10 +127,11 @@ impl Film {
         self.finished_passes += 1;
         for (pixel, sums) in self.pixels.iter_mut().zip(&mut self.passes) {
             let samples = (pixel.samples - pixel.samples_before).max(1) as f64;
-            for c in 0..3 {
-                let mean = (pixel.sum[c] - pixel.before[c]) / samples;
-                sums[0][c] += mean;
-                sums[1][c] += mean * mean;
+            let [means, squares] = sums;
+            for (c, (sum, before)) in pixel.sum.iter().zip(pixel.before).enumerate() {
+                let mean = (sum - before) / samples;
+                means[c] += mean;
+                squares[c] += mean * mean;
             }
             pixel.before = pixel.sum;
             pixel.samples_before = pixel.samples;

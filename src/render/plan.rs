@@ -76,7 +76,7 @@ impl Plan {
                 let neighbours = volume.neighbours.unwrap_or(NEIGHBOURS);
                 // Sub-maps hold fewer photons; the same radius holds fewer neighbours.
                 let neighbours = (neighbours / passes).max(5);
-                let pilot = volume.pilot.map_or_else(|| ((neighbours as f64).sqrt().ceil() as u32).max(5), |m| m);
+                let pilot = volume.pilot.unwrap_or_else(|| ((neighbours as f64).sqrt().ceil() as u32).max(5));
                 Radius::Variable {
                     neighbours,
                     pilot: pilot.min(neighbours).max(1),

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::description::{self as said, Description, LightKind, Located, MaterialKind, ShapeKind, Strength};
-use super::scene::{Scene, Solid, Surface};
+use super::world::{Scene, Solid, Surface};
 use crate::geometry::{Cuboid, Cylinder, Disk, Geometry, Mesh, Placed, Quad, Shape, Sphere};
 use crate::image;
 use crate::light::{self, Area, Cone, Directional, Environment, Light, Point, Profile, Sides, Spot, Surroundings};

@@ -7,11 +7,11 @@ mod build;
 pub mod description;
 mod overrides;
 mod read;
-mod scene;
 mod table;
 mod tree;
+mod world;
 
 pub use build::build;
 pub use description::{Description, Located, Place};
 pub use read::{parse, read};
-pub use scene::{Inside, Scene, Solid, Surface};
+pub use world::{Inside, Scene, Solid, Surface};

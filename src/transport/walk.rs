@@ -60,6 +60,7 @@ pub trait Visitor {
 }
 
 /// Why a walk pauses.
+#[allow(clippy::large_enum_variant, reason = "lives for one step on the stack; a box would allocate at every surface")]
 pub enum Stop {
     /// The visitor ended it.
     Ended,
@@ -146,12 +147,12 @@ impl<'s> Walk<'s> {
             }
             let met = self.cluster.nearest().map(|hit| hit.t);
             let end = met.map_or(self.limit, |t| t.max(self.t));
-            if let Some(medium) = self.scene.medium(&self.inside) {
-                if !self.scene.media[medium as usize].is_clear() {
-                    let segment = Segment { ray: &self.ray, a: self.t, b: end, medium, inside: &self.inside };
-                    if visitor.segment(&segment).is_break() {
-                        return Stop::Ended;
-                    }
+            if let Some(medium) = self.scene.medium(&self.inside)
+                && !self.scene.media[medium as usize].is_clear()
+            {
+                let segment = Segment { ray: &self.ray, a: self.t, b: end, medium, inside: &self.inside };
+                if visitor.segment(&segment).is_break() {
+                    return Stop::Ended;
                 }
             }
             if met.is_none() {

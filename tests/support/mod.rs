@@ -85,12 +85,6 @@ impl Estimate {
         Estimate { mean: self.mean.map(|x| x * factor), standard_error: self.standard_error.map(|x| x * factor.abs()) }
     }
 
-    /// The mean over the channels; its error as if they erred alike.
-    pub fn grey(self) -> Self {
-        let mean = |x: [f64; 3]| [x.iter().sum::<f64>() / 3.0; 3];
-        Estimate { mean: mean(self.mean), standard_error: mean(self.standard_error) }
-    }
-
     /// The difference from `other` as a share of it, and the standard error of that, by channel.
     pub fn bias(&self, other: &Estimate) -> [(f64, f64); 3] {
         std::array::from_fn(|c| {

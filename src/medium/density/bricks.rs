@@ -83,6 +83,9 @@ pub struct BrickGrid {
     max: f32,
 }
 
+/// Larger values are refused: interpolation would leave the range of `f32`.
+const LARGEST: f32 = 1e30;
+
 /// Sums over active voxels.
 #[derive(Clone, Copy)]
 struct Active {
@@ -764,7 +767,7 @@ impl Builder {
 
     /// Counts what is out of range, and applies the policy.
     fn check(&mut self, value: f32, count: u64) -> f32 {
-        if !value.is_finite() {
+        if value.is_nan() || value.abs() > LARGEST {
             self.bad += count;
             return 0.0;
         }
@@ -858,7 +861,7 @@ impl Builder {
             return Err(format!("its background is {stored}, expected a number not below 0"));
         }
         if self.bad > 0 {
-            return Err(format!("{} voxels are infinite or not numbers: repair the grid", self.bad));
+            return Err(format!("{} voxels are infinite, above 10³⁰ or not numbers: repair the grid", self.bad));
         }
         if self.below_zero > 0 {
             return Err(format!(
