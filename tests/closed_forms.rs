@@ -72,9 +72,9 @@ fn a_glowing_sphere_around_an_absorber() {
 fn a_half_space_under_an_even_sky() {
     let mut checks = Checks::default();
     for albedo in [0.5, 0.9] {
-        let expected = 1.0 - (1.0 - albedo as f64).sqrt() * chandrasekhar_h(albedo, 1.0);
+        let expected = 1.0 - (1.0 - albedo).sqrt() * chandrasekhar_h(albedo, 1.0);
         let published = if albedo == 0.5 { 0.1152 } else { 0.4149 };
-        assert!((expected - published as f64).abs() < 5e-5, "{expected}");
+        assert!((expected - published).abs() < 5e-5, "{expected}");
         let text = format!(
             "{}{SKY}[media.fog]\nsigma_t = 1.0\nalbedo = {albedo}\n\
              [materials.black]\ntype = \"lambert\"\nreflectance = 0\n\
@@ -177,7 +177,7 @@ fn collisions_of_a_photon() {
             along_z(3.0, 30.0, "photon", 1)
         );
         let stats = render(&text, &[]).stats;
-        let (emitted, expected) = (stats.emitted as f64, 1.0 / (1.0 - albedo as f64));
+        let (emitted, expected) = (stats.emitted as f64, 1.0 / (1.0 - albedo));
         // The number of collisions is geometrically distributed.
         let error = (expected * (expected - 1.0) / emitted).sqrt();
         let found = stats.volume as f64 / emitted;
