@@ -11,7 +11,7 @@ use std::path::Path;
 pub struct Array {
     /// Samples along x, y and z.
     pub dims: [usize; 3],
-    /// The samples, x fastest: the array's indices are [z][y][x].
+    /// The samples, x fastest: the array's indices are \[z\]\[y\]\[x\].
     pub values: Vec<f32>,
 }
 
@@ -63,7 +63,7 @@ fn parse(bytes: &[u8]) -> Result<Array, String> {
     let sizes: Option<Vec<usize>> =
         shape.split(',').map(str::trim).filter(|size| !size.is_empty()).map(|size| size.parse().ok()).collect();
     let Some(&[nz, ny, nx]) = sizes.as_deref() else {
-        return Err(format!("has the shape ({shape}), expected three dimensions [z][y][x]"));
+        return Err(format!("has the shape ({shape}), expected three dimensions \[z\]\[y\]\[x\]"));
     };
 
     if nx.min(ny).min(nz) == 0 {
