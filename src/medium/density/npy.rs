@@ -63,7 +63,7 @@ fn parse(bytes: &[u8]) -> Result<Array, String> {
     let sizes: Option<Vec<usize>> =
         shape.split(',').map(str::trim).filter(|size| !size.is_empty()).map(|size| size.parse().ok()).collect();
     let Some(&[nz, ny, nx]) = sizes.as_deref() else {
-        return Err(format!("has the shape ({shape}), expected three dimensions \[z\]\[y\]\[x\]"));
+        return Err(format!("has the shape ({shape}), expected three dimensions [z][y][x]"));
     };
 
     if nx.min(ny).min(nz) == 0 {
