@@ -1,5 +1,6 @@
-//! The hierarchy over blocks of photons: a median-split tree of which four levels at a time are
-//! collapsed into one node of sixteen children, each bounded by a sphere and by a box.
+//! The hierarchy over blocks of photons: a median-split tree of which up to four levels at a time are
+//! collapsed into one node of at most sixteen children, each bounded by a sphere and by a box. Nodes
+//! of fewer children stand at the top, where there is only one of them.
 
 use super::map::Block;
 use super::simd::{LANES, Row};
@@ -16,7 +17,7 @@ pub(crate) const STACK: usize = 8 * LANES;
 /// Subtrees of fewer blocks are built by one thread.
 const PARALLEL_BLOCKS: usize = 512;
 
-/// Levels of the median split that make one node.
+/// Levels of the median split that make one node, at most.
 const LEVELS: u32 = 4;
 
 /// Sixteen subtrees: their bounds, and where they are.
@@ -179,8 +180,12 @@ fn parts(range: &Range<usize>) -> smallvec::SmallVec<[usize; LANES + 1]> {
     if range.len() <= LANES {
         return (range.start..=range.end).collect();
     }
+    // Levels down to parts of at most sixteen blocks; what does not divide by four is taken first, so
+    // that the many nodes below are full.
+    let above = range.len().div_ceil(LANES).next_power_of_two().ilog2();
+    let levels = (above - 1) % LEVELS + 1;
     let mut ends: smallvec::SmallVec<[usize; LANES + 1]> = smallvec::smallvec![range.start, range.end];
-    for _ in 0..LEVELS {
+    for _ in 0..levels {
         let mut finer = smallvec::smallvec![range.start];
         for pair in ends.windows(2) {
             let half = (pair[1] - pair[0]) / 2;

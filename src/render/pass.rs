@@ -206,7 +206,8 @@ impl<P: Progress> Renderer<'_, P> {
         let start = Instant::now();
         progress.phase("build", 0);
         let settings = MapSettings { tagged: self.plan.tagged, ..MapSettings::new(self.plan.radius) };
-        let near = |position, radius, planes: &mut _| walls::near(scene, position, radius, planes);
+        // The disc is drawn around a foot point that may be a radius away from the photon.
+        let near = |position, radius, planes: &mut _| walls::near(scene, position, 2.0 * radius, planes);
         let build = |photons: Vec<Photon>| (!photons.is_empty()).then(|| PhotonMap::build(photons, &settings, &near));
         let maps = VolumeMaps::new(traced.regions.into_iter().map(build).collect(), &scene.media);
         if pass == 0 {
