@@ -170,12 +170,7 @@ pub fn pass(medium: &Medium, ray: &Ray, (a, b): (f64, f64), weight: &mut Rgb, st
             return ControlFlow::Continue(());
         }
         if (to - from) * mu > LABORIOUS {
-            let mut depth = 0.0;
-            grid.cells(ray, from, to, |cell| {
-                depth += cell.integral();
-                ControlFlow::Continue(())
-            });
-            *weight *= medium.transmittance(depth);
+            *weight *= medium.transmittance(medium.density.depth(ray, from, to));
             return if weight.max_element() > 0.0 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) };
         }
         let mut t = from;
