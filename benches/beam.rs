@@ -122,6 +122,7 @@ fn measure_bundles(name: &str, map: &PhotonMap, rays: &[Ray], template: &BeamQue
                 phase: template.phase,
                 extinction: template.extinction,
                 max_events: template.max_events,
+                depths: None,
             };
             let start = seconds();
             map.gather_bundle(&bundle, &mut scratch, &mut stats, &mut out);
@@ -167,6 +168,7 @@ fn measure_streams(name: &str, map: &PhotonMap, rays: &[Ray], template: &BeamQue
             phase: template.phase,
             extinction: template.extinction,
             max_events: template.max_events,
+            depths: None,
         };
         let start = seconds();
         map.gather_stream(&bundle, &mut scratch, &mut stats, &mut out);

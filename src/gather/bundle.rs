@@ -14,7 +14,9 @@
 )]
 
 use super::beam::{BeamQuery, GatherStats, Gathered};
+use super::depth::DepthTable;
 use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Rayleigh, Schlick, Sum};
+use super::sampled::{Sampled, SampledDepths, Samples, TransmittanceTable};
 use crate::math::{DVec3, Frame, Ray, Vec3};
 use crate::photon::discs::{LEAF, STACK};
 use crate::photon::kernel::inverse_disc_share_lanes;
@@ -33,20 +35,33 @@ pub struct Bundle<'a> {
     pub extinction: Vec3,
     /// Only photons with at most this many events count, if the map is tagged; 255 for all.
     pub max_events: u8,
+    /// In a heterogeneous medium, every ray's depths and the step at which they were sampled.
+    pub depths: Option<(&'a SampledDepths, f64, &'a [Samples])>,
 }
 
 impl Bundle<'_> {
-    /// One of its rays by itself.
-    fn query(&self, ray: &Ray, a: f64, b: f64) -> BeamQuery<'_> {
-        BeamQuery {
+    /// What one of its rays gathers by itself.
+    pub(super) fn gather_alone(
+        &self,
+        map: &PhotonMap,
+        index: usize,
+        table: &mut DepthTable,
+        stats: &mut GatherStats,
+    ) -> Gathered {
+        let (ray, a, b) = self.rays[index];
+        if let Some((depths, step, samples)) = self.depths {
+            depths.tabulate(samples[index], step, a, table);
+        }
+        let query = BeamQuery {
             origin: ray.at(a),
             direction: ray.direction,
             length: (b - a) as f32,
             phase: self.phase,
             extinction: self.extinction,
-            depth: None,
+            depth: self.depths.is_some().then_some(&*table),
             max_events: self.max_events,
-        }
+        };
+        map.gather(&query, stats)
     }
 }
 
@@ -119,8 +134,10 @@ struct Chunk {
 
 const CHUNK_STRIDE: usize = CHUNK + 2 * LANES;
 
-/// x, y, z, 1/r², the three slopes of d, and the power; then 1/r, and normal and distance of walls.
-const CHUNK_FIELDS: usize = 11 + WALL_FIELDS * WALLS;
+/// x, y, z, 1/r², the three slopes of d, and the power; then 1/r, normal and distance of walls, and the place
+/// among the knots of a table.
+const CHUNK_FIELDS: usize = PLACE + 1;
+const PLACE: usize = 11 + WALL_FIELDS * WALLS;
 
 impl Chunk {
     fn new() -> Self {
@@ -158,6 +175,8 @@ struct Group {
     /// Sums, by vector and channel: of photons without events, and of the others.
     sums: [[[Row; 3]; VECTORS]; 2],
     pinhole: bool,
+    /// Transmittance, where it is no exponential of z.
+    table: Option<TransmittanceTable>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -193,6 +212,7 @@ pub struct BundleScratch {
     careful: Chunk,
     lists: Box<[[u32; CHUNK_STRIDE]; VECTORS]>,
     groups: Vec<Group>,
+    table: DepthTable,
 }
 
 impl Default for BundleScratch {
@@ -203,6 +223,7 @@ impl Default for BundleScratch {
             careful: Chunk::new(),
             lists: Box::new([[0; CHUNK_STRIDE]; VECTORS]),
             groups: Vec::new(),
+            table: DepthTable::new(),
         }
     }
 }
@@ -238,8 +259,8 @@ impl PhotonMap {
                 }
                 None => {
                     let end = first + most.min(LANES);
-                    for (index, (ray, a, b)) in bundle.rays[first..end].iter().enumerate() {
-                        out[first + index] = self.gather(&bundle.query(ray, *a, *b), stats);
+                    for index in first..end {
+                        out[index] = bundle.gather_alone(self, index, &mut scratch.table, stats);
                     }
                     first = end;
                 }
@@ -321,6 +342,11 @@ impl PhotonMap {
     }
 }
 
+/// −σ log₂e
+fn exponents(extinction: Vec3) -> [f32; 3] {
+    (extinction.as_dvec3() * -LOG2_E).as_vec3().to_array()
+}
+
 /// The factor that [`Evaluate`] leaves out.
 fn phase_constant(phase: &PhaseLanes) -> f64 {
     match &phase.0 {
@@ -334,6 +360,8 @@ fn phase_constant(phase: &PhaseLanes) -> f64 {
 
 /// A ray in a frame: x = offset + slope·z.
 struct Line {
+    /// Where its parameter is 0.
+    origin: f64,
     offset: [f64; 2],
     slope: [f64; 2],
     start: f64,
@@ -356,7 +384,7 @@ impl Line {
         let from = ray.origin - origin;
         let z = from.dot(frame.z);
         let offset = [from.dot(frame.x) - z * slope[0], from.dot(frame.y) - z * slope[1]];
-        Some(Line { offset, slope, start: z + a * cos, end: z + b * cos })
+        Some(Line { origin: z, offset, slope, start: z + a * cos, end: z + b * cos })
     }
 }
 
@@ -442,7 +470,9 @@ impl Group {
         }
         let steepest = steepest.sqrt();
         let extinction = bundle.extinction.as_dvec3();
-        let (thick, thin) = (extinction.max_element(), extinction.min_element());
+        // Tables know how transmittance varies; otherwise it must vary little.
+        let thickness = if bundle.depths.is_some() { DVec3::ZERO } else { extinction };
+        let (thick, thin) = (thickness.max_element(), thickness.min_element());
         let (widest, extent) = (map.radii().max as f64, map.bounds().diagonal());
         let narrow = steepest <= MAX_SLOPE
             && steepest * bundle.phase.steepness() <= MAX_VARIATION
@@ -468,6 +498,7 @@ impl Group {
             factor: [[0.0; 3]; GROUP],
             sums: [[[Row([0.0; LANES]); 3]; VECTORS]; 2],
             pinhole,
+            table: None,
         };
         for (near, lines) in group.near.iter_mut().zip(lines.chunks(LANES)) {
             *near = around(lines);
@@ -486,11 +517,17 @@ impl Group {
             vector.end.0[lane] = bound(line.end);
             let across = line.offset[0] * line.slope[0] + line.offset[1] * line.slope[1];
             let saved = line.start - zero + 0.5 * line.start * line.square() + across;
-            if saved == 0.0 {
+            if saved == 0.0 || bundle.depths.is_some() {
                 *factor = [1.0; 3];
             } else {
                 *factor = (extinction * saved).map(f64::exp).to_array();
             }
+        }
+        if let Some((depths, step, samples)) = bundle.depths {
+            let sampled =
+                (0..count).map(|index| Sampled { samples: samples[first + index], origin: lines[index].origin });
+            let exponents = exponents(bundle.extinction);
+            group.table = Some(TransmittanceTable::new(depths, step, sampled, zero, exponents, map.isa));
         }
         Some(group)
     }
@@ -726,9 +763,11 @@ impl<P: Evaluate> Task for Shift<'_, P> {
         let slope = L::splat(group.around.widening + group.around.slope[0].hypot(group.around.slope[1]) + 1e-5);
         let start = L::splat(group.zero);
         let sigma = bundle.extinction;
-        let exponents = (sigma.as_dvec3() * -LOG2_E).as_vec3().to_array();
+        let exponents = exponents(sigma);
+        let tabulated = group.table.is_some();
         let grey = exponents[0] == exponents[1] && exponents[0] == exponents[2];
-        let thirds = L::splat(sigma.element_sum() * (2.0 / 9.0));
+        // Tables know how transmittance varies from ray to ray.
+        let thirds = L::splat(if tabulated { 0.0 } else { sigma.element_sum() * (2.0 / 9.0) });
         plain.len = 0;
         careful.len = 0;
         for at in (0..near.len).step_by(LANES) {
@@ -752,12 +791,13 @@ impl<P: Evaluate> Task for Shift<'_, P> {
             ];
             let (value, kappa) = phase.near_axis(&d);
             let depth = z.sub(start);
-            let first = value.mul(depth.mul(L::splat(exponents[0])).exp2());
-            let weights = if grey {
-                [first; 3]
+            let weights = if tabulated {
+                [value; 3]
+            } else if grey {
+                [value.mul(depth.mul(L::splat(exponents[0])).exp2()); 3]
             } else {
                 [
-                    first,
+                    value.mul(depth.mul(L::splat(exponents[0])).exp2()),
                     value.mul(depth.mul(L::splat(exponents[1])).exp2()),
                     value.mul(depth.mul(L::splat(exponents[2])).exp2()),
                 ]
@@ -776,7 +816,7 @@ impl<P: Evaluate> Task for Shift<'_, P> {
             ];
             let margin = r.mul(slope);
             let inside = L::bits(L::and(all_start.less(z.sub(margin)), z.add(margin).less(all_end)));
-            let safe = if walls == 0 { hit & inside } else { 0 };
+            let safe = if walls == 0 && !tabulated { hit & inside } else { 0 };
             if safe != 0 {
                 for index in 0..FIELDS {
                     plain.write(index, fields[index], safe);
@@ -792,6 +832,9 @@ impl<P: Evaluate> Task for Shift<'_, P> {
                     careful.write(index, fields[index], unsafe_ones);
                 }
                 careful.write(10, inverse_square.mul(r), unsafe_ones);
+                if let Some(table) = &group.table {
+                    careful.write(PLACE, table.place(z), unsafe_ones);
+                }
                 for wall in 0..walls {
                     let (from, to) = (FIELDS + WALL_FIELDS * wall, 11 + WALL_FIELDS * wall);
                     let normal = [near.load::<L>(from, at), near.load(from + 1, at), near.load(from + 2, at)];
@@ -1051,7 +1094,16 @@ fn evaluate_carefully<L: Lanes, P: Evaluate>(
                 weight = weight.mul(inverse_disc_share_lanes(s));
                 mask = L::and(mask, zero.less(height));
             }
-            accumulate(&mut sums, weight.keep(mask), &photon);
+            let weight = weight.keep(mask);
+            match &group.table {
+                None => accumulate(&mut sums, weight, &photon),
+                Some(table) => {
+                    let passed = table.at::<L>(vector, chunk.fields[PLACE][index]);
+                    for channel in 0..3 {
+                        sums[channel] = weight.mul(passed[channel]).mul_add(photon.power[channel], sums[channel]);
+                    }
+                }
+            }
             stats.photons += u64::from(L::bits(mask).count_ones());
         }
         stats.blocks += counts[vector] as u64;
@@ -1066,8 +1118,12 @@ mod tests {
     use crate::gather::{Lobe, StreamScratch};
     use crate::math::random::{Purpose, Stream};
     use crate::math::sampling;
+    use crate::medium::density::bricks::{BrickGrid, NegativePolicy};
+    use crate::medium::density::{Density, Grid};
     use crate::photon::{MapSettings, Photon, Plane, Radius};
+    use glam::DAffine3;
     use smallvec::SmallVec;
+    use std::sync::Arc;
 
     /// Photons in the cube [−1, 1]³, denser towards its middle.
     fn photons(count: usize) -> Vec<Photon> {
@@ -1150,18 +1206,19 @@ mod tests {
             };
             let map = PhotonMap::build(photons.clone(), &settings, &planes);
             let (mut scratch, mut gathered) = (BundleScratch::default(), Vec::new());
+            let mut table = DepthTable::new();
             let (mut stream, mut streamed) = (StreamScratch::default(), Vec::<Gathered>::new());
             for (name, rays) in &views {
                 for (number, phase) in lobes.iter().enumerate() {
                     let extinction = if number % 2 == 0 { Vec3::splat(0.7) } else { Vec3::new(0.2, 0.9, 2.0) };
                     let max_events = if tagged && number > 2 { 2 } else { u8::MAX };
-                    let bundle = Bundle { rays, phase, extinction, max_events };
+                    let bundle = Bundle { rays, phase, extinction, max_events, depths: None };
                     let mut stats = GatherStats::default();
                     map.gather_bundle(&bundle, &mut scratch, &mut stats, &mut gathered);
                     assert_eq!(gathered.len(), rays.len());
                     let (mut seen, mut squares, mut largest) = (0.0, 0.0, 0.0f64);
-                    for ((ray, a, b), bundled) in rays.iter().zip(&gathered) {
-                        let single = map.gather(&bundle.query(ray, *a, *b), &mut GatherStats::default());
+                    for (index, bundled) in gathered.iter().enumerate() {
+                        let single = bundle.gather_alone(&map, index, &mut table, &mut GatherStats::default());
                         for c in 0..3 {
                             seen += f64::from(single.total[c]).powi(2);
                             for (x, y) in [(single.total, bundled.total), (single.single, bundled.single)] {
@@ -1174,8 +1231,8 @@ mod tests {
                     assert!(seen > 0.0, "{name}, phase {number}: nothing seen");
                     let off = (squares / seen).sqrt();
                     map.gather_stream(&bundle, &mut stream, &mut GatherStats::default(), &mut streamed);
-                    for ((ray, a, b), streamed) in rays.iter().zip(&streamed) {
-                        let single = map.gather(&bundle.query(ray, *a, *b), &mut GatherStats::default());
+                    for (index, streamed) in streamed.iter().enumerate() {
+                        let single = bundle.gather_alone(&map, index, &mut table, &mut GatherStats::default());
                         for c in 0..3 {
                             for (x, y) in [(single.total, streamed.total), (single.single, streamed.single)] {
                                 assert!((x[c] - y[c]).abs() <= 2e-5 * single.total[c], "{name}: {x:?} {y:?}");
@@ -1188,6 +1245,67 @@ mod tests {
                         "{name}, phase {number}, walls {walled}: {off:.1e} {largest:.1e}"
                     );
                 }
+            }
+        }
+    }
+
+    /// Uneven voxels on the cube and beyond.
+    fn voxels() -> Density {
+        let values: Vec<f32> = (0..24 * 24 * 24).map(|i| if i % 5 == 0 { 0.0 } else { (i % 7) as f32 * 0.5 }).collect();
+        let bricks = BrickGrid::from_dense([-12; 3], [24; 3], &values, 0.0, NegativePolicy::Error).expect("finite");
+        Density::Grid(Grid::new(Arc::new(bricks), DAffine3::from_scale(DVec3::splat(0.12))))
+    }
+
+    #[test]
+    fn bundles_know_uneven_depths() {
+        let density = voxels();
+        let settings = MapSettings::new(Radius::Variable { neighbours: 60, pilot: 8, max_radius: 0.3 });
+        let map = PhotonMap::build(photons(20_000), &settings, &|_: Vec3, _: f32, _: &mut _| ());
+        let phase = PhaseLanes::new(Lobe::HenyeyGreenstein(0.6));
+        let (mut scratch, mut gathered) = (BundleScratch::default(), Vec::new());
+        let views = [
+            ("narrow", rays(DVec3::new(3.0, 1.0, -4.0), 0.0, 0.003, (2.5, 8.0))),
+            ("through a lens", rays(DVec3::new(3.0, 1.0, -4.0), 0.1, 0.003, (2.5, 8.0))),
+            ("wide", rays(DVec3::new(3.0, 1.0, -4.0), 0.0, 0.1, (2.5, 8.0))),
+        ];
+        for (name, rays) in &views {
+            for extinction in [Vec3::splat(0.9), Vec3::new(0.3, 1.0, 1.5)] {
+                let mut depths = SampledDepths::default();
+                let samples: Vec<Samples> = rays
+                    .iter()
+                    .map(|(ray, a, b)| depths.sample(&density, 0.04, ray, (*a, *b), 0.15).expect("few and small").0)
+                    .collect();
+                let depths = Some((&depths, 0.04, &*samples));
+                let bundle = Bundle { rays, phase: &phase, extinction, max_events: u8::MAX, depths };
+                map.gather_bundle(&bundle, &mut scratch, &mut GatherStats::default(), &mut gathered);
+                let (mut seen, mut squares, mut sum) = (0.0, 0.0, 0.0);
+                for ((ray, a, b), bundled) in rays.iter().zip(&gathered) {
+                    // An independent table, of many exact knots.
+                    let mut table = DepthTable::new();
+                    for knot in 0..=600 {
+                        let t = (b - a) * f64::from(knot) / 600.0;
+                        table.push(t, density.depth(ray, *a, a + t), density.at(ray.at(a + t)));
+                    }
+                    table.finish();
+                    let query = BeamQuery {
+                        origin: ray.at(*a),
+                        direction: ray.direction,
+                        length: (b - a) as f32,
+                        phase: &phase,
+                        extinction,
+                        depth: Some(&table),
+                        max_events: u8::MAX,
+                    };
+                    let single = map.gather(&query, &mut GatherStats::default());
+                    for c in 0..3 {
+                        let off = f64::from(bundled.total[c] - single.total[c]);
+                        seen += f64::from(single.total[c]).powi(2);
+                        squares += off.powi(2);
+                        sum += off / f64::from(single.total[c].max(f32::MIN_POSITIVE));
+                    }
+                }
+                let (off, bias) = ((squares / seen).sqrt(), sum / (3.0 * rays.len() as f64));
+                assert!(off < 1.5e-3 && bias.abs() < 5e-4, "{name}, {extinction}: {off:.1e}, bias {bias:.1e}");
             }
         }
     }

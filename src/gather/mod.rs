@@ -4,6 +4,7 @@ mod beam;
 mod bundle;
 mod depth;
 mod phase;
+mod sampled;
 mod stream;
 mod volume;
 
@@ -11,5 +12,6 @@ pub use beam::{BeamQuery, GatherStats, Gathered};
 pub use bundle::{Bundle, BundleScratch};
 pub use depth::DepthTable;
 pub use phase::{Lobe, PhaseLanes};
+pub use sampled::{SampledDepths, Samples};
 pub use stream::StreamScratch;
 pub use volume::{Queue, Reach, VolumeMaps, emitted};

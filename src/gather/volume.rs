@@ -2,7 +2,10 @@
 
 use std::ops::ControlFlow;
 
-use super::{BeamQuery, Bundle, BundleScratch, DepthTable, GatherStats, Gathered, Lobe, PhaseLanes, StreamScratch};
+use super::{
+    BeamQuery, Bundle, BundleScratch, DepthTable, GatherStats, Gathered, Lobe, PhaseLanes, SampledDepths, Samples,
+    StreamScratch,
+};
 use crate::math::{DVec3, Ray, Rgb, Vec3, one_minus_exp_over};
 use crate::medium::density::Density;
 use crate::medium::phase::Phase;
@@ -15,6 +18,8 @@ pub struct VolumeMaps {
     maps: Vec<Option<PhotonMap>>,
     phases: Vec<PhaseLanes>,
     extinctions: Vec<Vec3>,
+    /// Between samples of a ray's depth.
+    steps: Vec<f64>,
 }
 
 /// A stretch of an eye ray through a medium.
@@ -37,12 +42,21 @@ pub struct Reach {
     pub from_camera: bool,
 }
 
+/// A stretch that waits, with its depths if they vary, for its owner.
+#[derive(Debug)]
+struct Waiting<O> {
+    reach: Reach,
+    samples: Option<Samples>,
+    owner: O,
+}
+
 /// Stretches that wait to be gathered, each for an owner, and those that are done; memory that a thread
 /// reuses.
 #[derive(Debug)]
 pub struct Queue<O> {
-    bundles: Vec<(Reach, O)>,
-    streams: Vec<(Reach, O)>,
+    bundles: Vec<Waiting<O>>,
+    streams: Vec<Waiting<O>>,
+    depths: SampledDepths,
     /// The owners whose stretches are done, with what was gathered for them.
     pub done: Vec<(O, Gathered)>,
     table: DepthTable,
@@ -57,6 +71,7 @@ impl<O> Default for Queue<O> {
         Queue {
             bundles: Vec::new(),
             streams: Vec::new(),
+            depths: SampledDepths::default(),
             done: Vec::new(),
             table: DepthTable::new(),
             bundle: BundleScratch::default(),
@@ -69,6 +84,19 @@ impl<O> Default for Queue<O> {
 /// Optical depth may grow by this much between two knots of a depth table.
 const DEPTH_STEP: f64 = 0.5;
 
+/// Between two samples of a ray that gathers together with others, the optical depth may grow by this much:
+/// linear interpolation of transmittance is then right to 0.3 %, and far better on average.
+const MOST_PASSED: f64 = 0.15;
+
+/// The distance between two samples: half of a voxel, a sixteenth of a scale height.
+fn step(density: &Density) -> f64 {
+    match density {
+        Density::Uniform => f64::INFINITY,
+        Density::Grid(grid) => 0.5 * grid.voxel_size(),
+        Density::Exponential(air) => air.scale_height / 16.0,
+    }
+}
+
 /// Knots on a ray through an exponential density.
 const EXPONENTIAL_KNOTS: usize = 256;
 
@@ -79,6 +107,7 @@ impl VolumeMaps {
             maps,
             phases: media.iter().map(|medium| lanes(&medium.phase)).collect(),
             extinctions: media.iter().map(|medium| medium.extinction.as_vec3()).collect(),
+            steps: media.iter().map(|medium| step(&medium.density)).collect(),
         }
     }
 
@@ -102,56 +131,77 @@ impl VolumeMaps {
         let (Some(map), Some(end), Some(owner)) = (map, met, owner) else {
             return medium.transmittance(medium.density.depth(&ray, a, b));
         };
-        let depth = match &medium.density {
-            Density::Uniform => {
-                let waiting = if reach.from_camera { &mut queue.bundles } else { &mut queue.streams };
-                waiting.push((reach, owner));
-                return medium.transmittance(medium.density.depth(&ray, a, b));
+        if let Density::Uniform = medium.density {
+            let waiting = if reach.from_camera { &mut queue.bundles } else { &mut queue.streams };
+            waiting.push(Waiting { reach, samples: None, owner });
+            return medium.transmittance(medium.density.depth(&ray, a, b));
+        }
+        // Nothing absorbs beyond a grid, and no photon waits beyond the discs.
+        let leaves = medium.density.support().clip(&ray, a, b).map_or(a, |(_, leaves)| leaves);
+        let end = if leaves.is_finite() { leaves } else { end };
+        let total = |until_end: f64| if end < leaves { medium.density.depth(&ray, a, b) } else { until_end };
+        if reach.from_camera {
+            let most = MOST_PASSED / medium.extinction.max_element();
+            let step = self.steps[reach.medium as usize];
+            if let Some((samples, depth)) = queue.depths.sample(&medium.density, step, &ray, (a, end), most) {
+                queue.bundles.push(Waiting { reach, samples: Some(samples), owner });
+                return medium.transmittance(total(depth));
             }
-            Density::Grid(_) => {
-                tabulate(medium, &ray, a, b, &mut queue.table);
-                queue.table.total()
-            }
-            Density::Exponential(_) => {
-                tabulate(medium, &ray, a, end, &mut queue.table);
-                medium.density.depth(&ray, a, b)
-            }
-        };
+        }
+        tabulate(medium, &ray, a, end, &mut queue.table);
         let query = BeamQuery { depth: Some(&queue.table), ..self.query(&reach) };
         queue.done.push((owner, map.gather(&query, &mut queue.stats)));
-        medium.transmittance(depth)
+        medium.transmittance(total(queue.table.total()))
     }
 
     /// Gathers what waits of camera rays close to one another.
     pub fn gather_bundles<O: Copy>(&self, queue: &mut Queue<O>) {
-        let Queue { bundles, done, bundle, stats, .. } = queue;
-        self.gather_together(bundles, done, |map, rays, gathered| map.gather_bundle(rays, bundle, stats, gathered));
+        let Queue { bundles, done, bundle, depths, stats, .. } = queue;
+        let gather =
+            |map: &PhotonMap, rays: &Bundle<'_>, gathered: &mut _| map.gather_bundle(rays, bundle, stats, gathered);
+        self.gather_together(bundles, depths, done, gather);
+        depths.clear();
     }
 
     /// Gathers what waits of rays anywhere.
     pub fn gather_streams<O: Copy>(&self, queue: &mut Queue<O>) {
-        let Queue { streams, done, stream, stats, .. } = queue;
-        self.gather_together(streams, done, |map, rays, gathered| map.gather_stream(rays, stream, stats, gathered));
+        let Queue { streams, done, stream, depths, stats, .. } = queue;
+        let gather =
+            |map: &PhotonMap, rays: &Bundle<'_>, gathered: &mut _| map.gather_stream(rays, stream, stats, gathered);
+        self.gather_together(streams, depths, done, gather);
     }
 
     /// Gathers what waits, by map and medium.
     fn gather_together<O: Copy>(
         &self,
-        waiting: &mut Vec<(Reach, O)>,
+        waiting: &mut Vec<Waiting<O>>,
+        depths: &SampledDepths,
         done: &mut Vec<(O, Gathered)>,
         mut gather: impl FnMut(&PhotonMap, &Bundle<'_>, &mut Vec<Gathered>),
     ) {
-        let key = |(reach, _): &(Reach, O)| (reach.region, reach.medium, reach.max_events);
+        let key = |waiting: &Waiting<O>| {
+            let Reach { region, medium, max_events, .. } = waiting.reach;
+            (region, medium, max_events, waiting.samples.is_some())
+        };
         waiting.sort_by_key(key);
-        let (mut rays, mut gathered) = (Vec::new(), Vec::new());
+        let (mut rays, mut samples, mut gathered) = (Vec::new(), Vec::new(), Vec::new());
         for same in waiting.chunk_by(|a, b| key(a) == key(b)) {
-            let (region, medium, max_events) = key(&same[0]);
+            let (region, medium, max_events, sampled) = key(&same[0]);
             let Some(map) = &self.maps[region as usize] else { continue };
+            let medium = medium as usize;
             rays.clear();
-            rays.extend(same.iter().map(|(Reach { ray, a, b, .. }, _)| (*ray, *a, *b)));
-            let (phase, extinction) = (&self.phases[medium as usize], self.extinctions[medium as usize]);
-            gather(map, &Bundle { rays: &rays, phase, extinction, max_events }, &mut gathered);
-            done.extend(same.iter().map(|(_, owner)| *owner).zip(gathered.iter().copied()));
+            rays.extend(same.iter().map(|Waiting { reach: Reach { ray, a, b, .. }, .. }| (*ray, *a, *b)));
+            samples.clear();
+            samples.extend(same.iter().filter_map(|waiting| waiting.samples));
+            let bundle = Bundle {
+                rays: &rays,
+                phase: &self.phases[medium],
+                extinction: self.extinctions[medium],
+                max_events,
+                depths: sampled.then_some((depths, self.steps[medium], &samples)),
+            };
+            gather(map, &bundle, &mut gathered);
+            done.extend(same.iter().map(|waiting| waiting.owner).zip(gathered.iter().copied()));
         }
         waiting.clear();
     }

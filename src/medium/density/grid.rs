@@ -35,6 +35,13 @@ impl Grid {
         &self.voxels
     }
 
+    /// The least distance between two neighbouring planes of voxel centres.
+    pub fn voxel_size(&self) -> f64 {
+        let rows = self.to_index.matrix3.transpose();
+        let steepest = rows.x_axis.length().max(rows.y_axis.length()).max(rows.z_axis.length());
+        1.0 / steepest
+    }
+
     /// The value at `p`.
     pub fn at(&self, p: DVec3) -> f64 {
         let p = self.to_index.transform_point3(p);
