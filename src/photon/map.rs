@@ -59,6 +59,15 @@ impl MapSettings {
     }
 }
 
+/// A photon of a map, and how wide it is spread.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Disc {
+    /// The photon; without events if the map is not tagged.
+    pub photon: Photon,
+    /// Its disc's radius.
+    pub radius: f32,
+}
+
 /// A wall near a photon, taken as a plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plane {
@@ -225,6 +234,22 @@ impl PhotonMap {
     /// Whether it holds none.
     pub fn is_empty(&self) -> bool {
         self.photons == 0
+    }
+
+    /// The photons, in the order of the hierarchy, to roundings.
+    pub fn discs(&self) -> impl Iterator<Item = Disc> + '_ {
+        (0..self.photons).map(|index| {
+            let (block, lane) = (&self.blocks[index / LANES], index % LANES);
+            let of = |rows: &[Row; 3]| Vec3::from(rows.each_ref().map(|row| row.0[lane]));
+            let inverse_square = block.inverse_square.0[lane];
+            let photon = Photon {
+                position: of(&block.position),
+                direction: of(&block.direction),
+                power: of(&block.power) / (BIWEIGHT as f32 * inverse_square),
+                events: self.events.get(index / LANES).map_or(0, |events| events[lane]),
+            };
+            Disc { photon, radius: inverse_square.sqrt().recip() }
+        })
     }
 
     /// How many photons were left out because a number was not finite.

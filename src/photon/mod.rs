@@ -10,5 +10,5 @@ mod trace;
 pub mod walls;
 
 pub use emission::Sources;
-pub use map::{MapSettings, Photon, PhotonMap, Plane, Radii, Radius};
+pub use map::{Disc, MapSettings, Photon, PhotonMap, Plane, Radii, Radius};
 pub use trace::{Pass, Traced, trace};

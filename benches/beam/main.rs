@@ -5,12 +5,15 @@
 //! Even: photons spread over a cube five wide. Beams: six narrow cones inside of a larger box.
 //! Camera: rays of neighbouring pixels one after the other. Anyhow: rays between random points.
 
+mod floor;
+mod paper;
+
 use glam::{DVec3, Vec3};
 use std::time::Instant;
 use volpm::gather::{BeamQuery, Bundle, BundleScratch, DepthTable, GatherStats, Lobe, PhaseLanes, StreamScratch};
 use volpm::math::random::{Purpose, Stream};
 use volpm::math::{Frame, Ray, sampling};
-use volpm::photon::{MapSettings, Photon, PhotonMap, Radius};
+use volpm::photon::{Disc, MapSettings, Photon, PhotonMap, Radius};
 
 const SIGMA: f32 = 0.4;
 
@@ -182,6 +185,70 @@ fn measure_streams(name: &str, map: &PhotonMap, rays: &[Ray], template: &BeamQue
     );
 }
 
+/// The floor, and the hierarchy of the paper, on some of the rays.
+fn compare(map: &PhotonMap, rays: &[Ray]) {
+    let discs: Vec<Disc> = map.discs().collect();
+    let some: Vec<&Ray> = rays.iter().step_by(rays.len().div_ceil(32)).collect();
+    let (mut gathered, mut spent) = (0, 0.0);
+    for ray in &some {
+        let list = floor::List::of(&discs, ray);
+        if list.len() == 0 {
+            continue;
+        }
+        // As often as fills a few milliseconds; the best of several.
+        let times = 4_000_000 / list.len();
+        let best = (0..5)
+            .filter_map(|_| {
+                let start = seconds();
+                for _ in 0..times {
+                    std::hint::black_box(list.evaluate(std::hint::black_box(ray), SIGMA, 0.75)?);
+                }
+                Some((seconds() - start) / times as f64)
+            })
+            .fold(f64::INFINITY, f64::min);
+        gathered += list.len();
+        spent += best;
+    }
+    println!("  {:34} {:7.3} ns/photon", "floor, HG 0.75", spent * 1e9 / gathered as f64);
+
+    let paper = paper::Paper::build(discs);
+    let (mut photons, mut worst, mut best) = (0, 0.0f32, f64::INFINITY);
+    for _ in 0..3 {
+        photons = 0;
+        let start = seconds();
+        for ray in &some {
+            photons += std::hint::black_box(paper.gather(ray, SIGMA, 0.75)).photons;
+        }
+        best = best.min(seconds() - start);
+    }
+    let phase = PhaseLanes::new(Lobe::HenyeyGreenstein(0.75));
+    for ray in &some {
+        let query = BeamQuery { origin: ray.origin, direction: ray.direction, ..query(&phase) };
+        let ours = Vec3::from(map.gather(&query, &mut GatherStats::default()).total);
+        let theirs = paper.gather(ray, SIGMA, 0.75).radiance;
+        if ours.max_element() > 0.0 {
+            worst = worst.max((ours - theirs).abs().max_element() / ours.max_element());
+        }
+    }
+    println!(
+        "  {:34} {:7.2} ns/photon; differs by {worst:.0e} at most",
+        "hierarchy of the paper, HG 0.75",
+        best * 1e9 / photons as f64
+    );
+}
+
+fn query(phase: &PhaseLanes) -> BeamQuery<'_> {
+    BeamQuery {
+        origin: DVec3::ZERO,
+        direction: DVec3::Z,
+        length: f32::INFINITY,
+        phase,
+        extinction: Vec3::splat(SIGMA),
+        depth: None,
+        max_events: 255,
+    }
+}
+
 fn build(name: &str, photons: &[Photon], radius: Radius) -> PhotonMap {
     let mut best = f64::INFINITY;
     let mut map = None;
@@ -218,15 +285,6 @@ fn main() {
         table.push(0.2 * f64::from(i), 0.2 * f64::from(i), 1.0);
     }
     table.finish();
-    let query = |phase| BeamQuery {
-        origin: DVec3::ZERO,
-        direction: DVec3::Z,
-        length: f32::INFINITY,
-        phase,
-        extinction: Vec3::splat(SIGMA),
-        depth: None,
-        max_events: 255,
-    };
 
     let photons = even(count);
     let variable = Radius::Variable { neighbours: 500, pilot: 23, max_radius: 1.0 };
@@ -241,6 +299,7 @@ fn main() {
     measure("camera, tabulated", &map, &rays, &BeamQuery { depth: Some(&table), ..plain });
     measure("anyhow", &map, &anyhow(2000), &plain);
     measure_streams("anyhow", &map, &anyhow(8192), &plain);
+    compare(&map, &rays);
 
     for radius in [0.02, 0.04, 0.06, 0.1] {
         let map = build("even, fixed", &photons, Radius::Fixed(radius));
@@ -248,6 +307,7 @@ fn main() {
         measure_bundles("camera", &map, &rays, &plain);
         measure("anyhow", &map, &anyhow(4000), &plain);
         measure_streams("anyhow", &map, &anyhow(8192), &plain);
+        compare(&map, &rays);
     }
 
     let mut piled = photons;
@@ -260,4 +320,5 @@ fn main() {
     let rays = camera(DVec3::new(1.0, -17.0, 1.0), DVec3::ZERO, 4096);
     measure("camera", &map, &rays, &plain);
     measure_bundles("camera", &map, &rays, &plain);
+    compare(&map, &rays);
 }

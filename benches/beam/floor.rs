@@ -1,0 +1,117 @@
+//! The least a beam query can cost: the photons that a ray gathers, found beforehand and laid out one after the
+//! other, evaluated exactly.
+
+use glam::Vec3;
+use volpm::math::{Frame, Ray};
+use volpm::photon::Disc;
+
+/// The photons of one ray, by field: position, 1/r², direction, power. Padded to whole vectors.
+pub struct List {
+    fields: [Vec<f32>; 10],
+}
+
+/// Photons per vector.
+const WIDTH: usize = 16;
+
+impl List {
+    /// Those of `discs` that the ray meets.
+    pub fn of(discs: &[Disc], ray: &Ray) -> Self {
+        let (origin, omega) = (ray.origin.as_vec3(), ray.direction.as_vec3());
+        let mut fields: [Vec<f32>; 10] = Default::default();
+        let met = discs.iter().filter(|disc| {
+            let to = disc.photon.position - origin;
+            let t = to.dot(omega);
+            t > 0.0 && (to - t * omega).length_squared() < disc.radius * disc.radius
+        });
+        for disc in met {
+            let inverse_square = 1.0 / (disc.radius * disc.radius);
+            let power = disc.photon.power * (3.0 * std::f32::consts::FRAC_1_PI * inverse_square);
+            let (x, d) = (disc.photon.position, disc.photon.direction);
+            let values = [x.x, x.y, x.z, inverse_square, d.x, d.y, d.z, power.x, power.y, power.z];
+            fields.iter_mut().zip(values).for_each(|(field, value)| field.push(value));
+        }
+        let padded = fields[0].len().next_multiple_of(WIDTH);
+        for field in &mut fields {
+            field.resize(padded, 0.0);
+        }
+        List { fields }
+    }
+
+    /// Photons, padding included.
+    pub fn len(&self) -> usize {
+        self.fields[0].len()
+    }
+
+    /// Radiance in a homogeneous grey medium under Henyey and Greenstein's phase function; `None` without
+    /// AVX-512.
+    pub fn evaluate(&self, ray: &Ray, sigma: f32, g: f32) -> Option<Vec3> {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx512f") {
+            // SAFETY: the feature is there.
+            return Some(unsafe { avx512::evaluate(&self.fields, ray, sigma, g) });
+        }
+        let _ = (ray, sigma, g);
+        None
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+mod avx512 {
+    use super::{Frame, Ray, Vec3, WIDTH};
+    use std::arch::x86_64::*;
+
+    /// Minimax coefficients of (2^f − 1)/f on [−½, ½].
+    const EXP2: [f32; 6] =
+        [std::f32::consts::LN_2, 0.240_226_53, 0.055_503_106, 0.009_617_693, 0.001_340_664_4, 0.000_155_946_77];
+
+    #[target_feature(enable = "avx512f")]
+    fn dot(x: [__m512; 3], v: [__m512; 3], offset: __m512) -> __m512 {
+        _mm512_fmadd_ps(x[0], v[0], _mm512_fmadd_ps(x[1], v[1], _mm512_fmadd_ps(x[2], v[2], offset)))
+    }
+
+    #[target_feature(enable = "avx512f")]
+    fn splat3(v: Vec3) -> [__m512; 3] {
+        [_mm512_set1_ps(v.x), _mm512_set1_ps(v.y), _mm512_set1_ps(v.z)]
+    }
+
+    #[target_feature(enable = "avx512f")]
+    pub fn evaluate(fields: &[Vec<f32>; 10], ray: &Ray, sigma: f32, g: f32) -> Vec3 {
+        let frame = Frame::around(ray.direction);
+        let axes = [ray.direction, frame.x, frame.y];
+        let [omega, u, v] = axes.map(|axis| splat3(axis.as_vec3()));
+        let offsets = axes.map(|axis| _mm512_set1_ps(-axis.dot(ray.origin) as f32));
+        let exponent = _mm512_set1_ps(-sigma * std::f32::consts::LOG2_E);
+        let (base, slope) = (_mm512_set1_ps(1.0 + g * g), _mm512_set1_ps(2.0 * g));
+        let (zero, one) = (_mm512_setzero_ps(), _mm512_set1_ps(1.0));
+        let mut sums = [zero; 3];
+        for at in (0..fields[0].len()).step_by(WIDTH) {
+            // SAFETY: every field has a whole vector there.
+            let load = |field: usize| unsafe { _mm512_loadu_ps(fields[field][at..at + WIDTH].as_ptr()) };
+            let x = [load(0), load(1), load(2)];
+            let t = dot(x, omega, offsets[0]);
+            let a = dot(x, u, offsets[1]);
+            let b = dot(x, v, offsets[2]);
+            let q = _mm512_fnmadd_ps(_mm512_fmadd_ps(a, a, _mm512_mul_ps(b, b)), load(3), one);
+            let met = _mm512_cmp_ps_mask::<_CMP_LT_OQ>(zero, q) & _mm512_cmp_ps_mask::<_CMP_LT_OQ>(zero, t);
+            let base = _mm512_fmadd_ps(dot([load(4), load(5), load(6)], omega, zero), slope, base);
+            let y = _mm512_rsqrt14_ps(base);
+            let half = _mm512_mul_ps(_mm512_mul_ps(base, _mm512_set1_ps(0.5)), y);
+            let y = _mm512_mul_ps(y, _mm512_fnmadd_ps(half, y, _mm512_set1_ps(1.5)));
+            let exponents = _mm512_mul_ps(t, exponent);
+            let n = _mm512_roundscale_ps::<8>(exponents);
+            let f = _mm512_sub_ps(exponents, n);
+            let mut p = _mm512_set1_ps(EXP2[5]);
+            for coefficient in EXP2[..5].iter().rev() {
+                p = _mm512_fmadd_ps(p, f, _mm512_set1_ps(*coefficient));
+            }
+            let passed = _mm512_scalef_ps(_mm512_fmadd_ps(p, f, one), n);
+            let weight = _mm512_mul_ps(_mm512_mul_ps(q, q), _mm512_mul_ps(_mm512_mul_ps(y, y), y));
+            let weight = _mm512_maskz_mul_ps(met, weight, passed);
+            for (sum, channel) in sums.iter_mut().zip(7..) {
+                *sum = _mm512_fmadd_ps(weight, load(channel), *sum);
+            }
+        }
+        let scale = (1.0 - g * g) * 0.25 * std::f32::consts::FRAC_1_PI;
+        Vec3::from_array(sums.map(|sum| _mm512_reduce_add_ps(sum))) * scale
+    }
+}
