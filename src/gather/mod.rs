@@ -3,9 +3,11 @@
 mod beam;
 mod depth;
 mod phase;
+mod point;
 mod volume;
 
 pub use beam::{BeamQuery, GatherStats, Gathered};
 pub use depth::DepthTable;
 pub use phase::{Lobe, PhaseLanes};
+pub use point::PointQuery;
 pub use volume::{Queue, Reach, VolumeMaps, emitted};

@@ -4,11 +4,13 @@ pub(crate) mod discs;
 mod emission;
 pub mod kernel;
 pub(crate) mod map;
+mod points;
 mod radii;
 pub(crate) mod simd;
 mod trace;
 pub mod walls;
 
 pub use emission::Sources;
+pub use points::{Ball, PointMap, PointMemory, PointSettings};
 pub use map::{MapSettings, Photon, PhotonMap, Plane, Radii, Radius};
 pub use trace::{Pass, Traced, trace};
