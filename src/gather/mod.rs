@@ -2,6 +2,7 @@
 
 mod beam;
 mod depth;
+pub mod march;
 mod phase;
 mod point;
 mod volume;
@@ -9,5 +10,5 @@ mod volume;
 pub use beam::{BeamQuery, GatherStats, Gathered};
 pub use depth::DepthTable;
 pub use phase::{Lobe, PhaseLanes};
-pub use point::PointQuery;
+pub use point::{Marching, PointMaps, PointQuery};
 pub use volume::{Queue, Reach, VolumeMaps, emitted};

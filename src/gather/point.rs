@@ -2,8 +2,12 @@
 //! Jarosz et al. 2008, Eq. 3–4).
 
 use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Rayleigh, Schlick, Sum};
-use super::{GatherStats, Gathered};
-use crate::math::{DVec3, Vec3};
+use super::march::{Marcher, Steps, Stretch};
+use super::volume::{lanes, tabulate};
+use super::{DepthTable, GatherStats, Gathered, Reach};
+use crate::math::{DVec3, Rgb, Stream, Vec3};
+use crate::medium::Medium;
+use crate::medium::density::Density;
 use crate::photon::kernel::{Biweight, Constant, Epanechnikov, Profile, Shape};
 use crate::photon::simd::{Lanes, Row, Task, at_most, prefetch};
 use crate::photon::{Plane, PointMap, PointMemory};
@@ -133,8 +137,9 @@ impl<W: Fn(Vec3, f32, &mut Planes), P: Evaluate, S: Shape> Task for Gather<'_, W
             }
             for plane in &planes {
                 let [dx, dy, dz] = map.relative::<L>(index, &lanes);
-                let [nx, ny, nz] = plane.normal.to_array().map(|n| L::splat(n));
-                let height = dx.mul_add(nx, dy.mul_add(ny, dz.mul_add(nz, L::splat(plane.distance))));
+                let n = plane.normal;
+                let height = dz.mul_add(L::splat(n.z), L::splat(plane.distance));
+                let height = dx.mul_add(L::splat(n.x), dy.mul_add(L::splat(n.y), height));
                 bits &= L::bits(zero.less(height));
             }
             let events = map.events.get(index as usize);
@@ -160,12 +165,82 @@ impl<W: Fn(Vec3, f32, &mut Planes), P: Evaluate, S: Shape> Task for Gather<'_, W
         }
         let volume = f64::from(squared_radius) * f64::from(radius) * share;
         let factor = phase.constant() * map.profile.ball_peak() / volume;
-        let scaled = |sums: [L; 3]| sums.map(|sum| (f64::from(sum.sum()) * factor) as f32);
-        Gathered { total: scaled(total), single: scaled(single) }
+        let mut gathered = Gathered::default();
+        for channel in 0..3 {
+            gathered.total[channel] = (f64::from(total[channel].sum()) * factor) as f32;
+            gathered.single[channel] = (f64::from(single[channel].sum()) * factor) as f32;
+        }
+        gathered
     }
 }
 
 #[inline(always)]
 fn load3<L: Lanes>(rows: &[Row; 3]) -> [L; 3] {
     [L::load(&rows[0]), L::load(&rows[1]), L::load(&rows[2])]
+}
+
+/// One point map for each region, and how rays are marched through each medium.
+#[derive(Debug)]
+pub struct PointMaps {
+    maps: Vec<Option<PointMap>>,
+    phases: Vec<PhaseLanes>,
+    marchers: Vec<Marcher>,
+}
+
+/// What a thread keeps from march to march.
+#[derive(Debug, Default)]
+pub struct Marching {
+    memories: Vec<PointMemory>,
+    steps: Steps,
+    table: DepthTable,
+}
+
+impl PointMaps {
+    /// From the maps of all regions, in their order, all media, and each one's marcher.
+    pub fn new(maps: Vec<Option<PointMap>>, media: &[Medium], marchers: Vec<Marcher>) -> Self {
+        PointMaps { maps, phases: media.iter().map(|medium| lanes(&medium.phase)).collect(), marchers }
+    }
+
+    /// The maps that hold photons, with their regions.
+    pub fn by_region(&self) -> impl Iterator<Item = (u32, &PointMap)> {
+        self.maps.iter().enumerate().filter_map(|(region, map)| Some((region as u32, map.as_ref()?)))
+    }
+
+    /// Marches along a stretch: the light scattered once, and all other, as radiance at its start. `weight` is what light there counts, by channel; `walls` as for [`PointMap::gather`].
+    pub fn gather(
+        &self,
+        (medium, reach, weight): (&Medium, &Reach, Rgb),
+        walls: &impl Fn(Vec3, f32, &mut SmallVec<[Plane; 3]>),
+        stream: &mut Stream,
+        marching: &mut Marching,
+        stats: &mut GatherStats,
+    ) -> [Rgb; 2] {
+        let Reach { ray, a, b, region, .. } = *reach;
+        let region = region as usize;
+        let Some(map) = &self.maps[region] else { return Default::default() };
+        let Some((first, last)) = map.bounds().clip(&ray, a, b) else { return Default::default() };
+        if marching.memories.len() <= region {
+            marching.memories.resize_with(region + 1, PointMemory::default);
+        }
+        let memory = &mut marching.memories[region];
+        let table = &mut marching.table;
+        let depth = match medium.density {
+            Density::Uniform => None,
+            _ => {
+                tabulate(medium, &ray, a, last, table);
+                Some(&*table)
+            }
+        };
+        let stretch = Stretch { ray: &ray, from: a, a: first, b: last, medium, depth, weight };
+        let phase = &self.phases[reach.medium as usize];
+        let mut source = |t: f64, _: &mut Stream| {
+            let query =
+                PointQuery { position: ray.at(t), direction: ray.direction, phase, max_events: reach.max_events };
+            let (total, single) = map.gather(&query, walls, memory, stats).rgb();
+            [total, single]
+        };
+        let marcher = &self.marchers[reach.medium as usize];
+        let [total, single] = marcher.march(&stretch, stream, &mut marching.steps, &mut source);
+        [single, total - single]
+    }
 }

@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 
+use super::point::Marching;
 use super::{BeamQuery, DepthTable, GatherStats, Gathered, Lobe, PhaseLanes};
 use crate::math::{DVec3, Ray, Rgb, Vec3, one_minus_exp_over};
 use crate::medium::density::Density;
@@ -45,6 +46,8 @@ pub struct Queue<O> {
     streams: Vec<(Reach, O)>,
     done: Vec<(O, Gathered)>,
     table: DepthTable,
+    /// For rays that are marched instead.
+    pub marching: Marching,
     /// What was counted.
     pub stats: GatherStats,
 }
@@ -56,6 +59,7 @@ impl<O> Default for Queue<O> {
             streams: Vec::new(),
             done: Vec::new(),
             table: DepthTable::new(),
+            marching: Marching::default(),
             stats: GatherStats::default(),
         }
     }
@@ -204,7 +208,7 @@ pub fn emitted(medium: &Medium, ray: &Ray, (a, b): (f64, f64), mut jitter: impl 
 }
 
 /// Fills `table` with the depth from `a` on, in lengths from `a`.
-fn tabulate(medium: &Medium, ray: &Ray, a: f64, b: f64, table: &mut DepthTable) {
+pub(super) fn tabulate(medium: &Medium, ray: &Ray, a: f64, b: f64, table: &mut DepthTable) {
     table.clear();
     table.push(0.0, 0.0, medium.density.at(ray.at(a)));
     let largest = medium.extinction.max_element();
@@ -241,7 +245,7 @@ fn tabulate(medium: &Medium, ray: &Ray, a: f64, b: f64, table: &mut DepthTable) 
 }
 
 /// A phase function as beam queries want it.
-fn lanes(phase: &Phase) -> PhaseLanes {
+pub(super) fn lanes(phase: &Phase) -> PhaseLanes {
     let lobe = |phase: &Phase| match phase {
         Phase::HenyeyGreenstein(p) => Lobe::HenyeyGreenstein(p.g),
         Phase::Schlick(p) => Lobe::Schlick(p.k),

@@ -381,7 +381,7 @@ fn radii_of(isa: Isa, blocks: &[Block], photons: usize, settings: &MapSettings) 
 }
 
 /// Extremes and mean, summed in a fixed order.
-fn summary(radii: &[f32]) -> Radii {
+pub(super) fn summary(radii: &[f32]) -> Radii {
     if radii.is_empty() {
         return Radii::default();
     }

@@ -7,9 +7,9 @@
 
 use super::discs::{LEAF, STACK, node_count, parts, photons_in};
 use super::kernel::Profile;
-use super::map::{Item, Photon, events_of, radius_limits, sorted, storable};
+use super::map::{Item, Photon, Radii, events_of, radius_limits, sorted, storable, summary};
 use super::radii::{KEPT, List};
-use super::simd::{Isa, LANES, Lanes, Row};
+use super::simd::{Isa, LANES, Lanes, Row, Task};
 use crate::math::{Bounds, Vec3};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -216,6 +216,18 @@ impl PointMap {
         self.scale * self.limits.1
     }
 
+    /// The radii of the balls around some of its photons.
+    pub fn radii(&self) -> Radii {
+        const SOME: usize = 4096;
+        let of = |photon: usize| {
+            let rows = &self.positions[photon / LANES];
+            let x = Vec3::from(rows.each_ref().map(|row| row.0[photon % LANES]));
+            self.isa.run(RadiusAt { map: self, x })
+        };
+        let step = self.photons.div_ceil(SOME).max(1);
+        summary(&(0..self.photons).into_par_iter().step_by(step).map(of).collect::<Vec<_>>())
+    }
+
     /// A box around all balls that hold a photon: look-ups outside find nothing. Empty for an empty map.
     pub fn bounds(&self) -> Bounds {
         if self.is_empty() { self.bounds } else { self.bounds.grown(f64::from(self.reach())) }
@@ -230,11 +242,14 @@ impl PointMap {
             Ball::Fixed(_) => {
                 let squared = (self.reach() * self.reach()).min(f32::MAX);
                 memory.blocks.clear();
-                let blocks = &mut memory.blocks;
-                memory.nodes += self.walk::<L>(&lanes, squared, |block, bound| {
-                    blocks.push(block);
-                    bound
-                });
+                let mut walk = Walk::new(self);
+                while let Some((node, mut hit)) = walk.next(&lanes, squared) {
+                    while hit != 0 {
+                        memory.blocks.push(node.children[hit.trailing_zeros() as usize] & !LEAF);
+                        hit &= hit - 1;
+                    }
+                }
+                memory.nodes += walk.visited;
                 squared
             }
             Ball::Nearest { neighbours, .. } => {
@@ -271,22 +286,26 @@ impl PointMap {
             bound = bound.max(least).min(cap);
             blocks.clear();
             list.clear();
-            let positions = &self.positions;
-            memory.nodes += self.walk::<L>(lanes, bound, |block, bound| {
-                let d2 = squared(&positions[block as usize], lanes);
-                let bits = L::bits(d2.less_equal(L::splat(bound)));
-                if bits == 0 {
-                    return bound;
+            let mut walk = Walk::new(self);
+            while let Some((node, mut hit)) = walk.next(lanes, bound) {
+                while hit != 0 {
+                    let block = node.children[hit.trailing_zeros() as usize] & !LEAF;
+                    hit &= hit - 1;
+                    let d2 = self.squared(block, lanes);
+                    let bits = L::bits(d2.less_equal(L::splat(bound)));
+                    if bits == 0 {
+                        continue;
+                    }
+                    blocks.push(block);
+                    list.push(d2, bits);
+                    if list.len() > most {
+                        let tighter = list.select::<L>(n, bound);
+                        list.shrink(n, tighter);
+                        bound = tighter.max(least);
+                    }
                 }
-                blocks.push(block);
-                list.push(d2, bits);
-                if list.len() <= most {
-                    return bound;
-                }
-                let tighter = list.select::<L>(n, bound);
-                list.shrink(n, tighter);
-                tighter.max(least)
-            });
+            }
+            memory.nodes += walk.visited;
             if list.len() >= n {
                 break list.select::<L>(n, bound).max(least);
             }
@@ -313,38 +332,11 @@ impl PointMap {
         (volume * n as f32 / self.photons as f32 / 4.19).cbrt().max(f32::MIN_POSITIVE)
     }
 
-    /// Visits the blocks whose boxes come within the squared distance `bound`, which each visit may tighten.
-    /// Returns how many nodes it took.
-    #[inline(always)]
-    fn walk<L: Lanes>(&self, x: &[L; 3], mut bound: f32, mut visit: impl FnMut(u32, f32) -> f32) -> u64 {
-        let mut visited = 0;
-        let mut stack = [0u32; STACK + LANES];
-        let mut waiting = usize::from(!self.nodes.is_empty());
-        while waiting > 0 {
-            waiting -= 1;
-            let node = &self.nodes[stack[waiting] as usize];
-            visited += 1;
-            let hit = L::bits(gap(node, x).less_equal(L::splat(bound)));
-            let inner = hit & !node.leaves;
-            if inner != 0
-                && let Some(out) = stack[waiting..].first_chunk_mut()
-            {
-                L::compress_indices(&node.children, inner, out);
-                waiting += inner.count_ones() as usize;
-            }
-            let mut blocks = hit & node.leaves;
-            while blocks != 0 {
-                bound = visit(node.children[blocks.trailing_zeros() as usize] & !LEAF, bound);
-                blocks &= blocks - 1;
-            }
-        }
-        visited
-    }
-
     /// Squared distances of a block's photons from `x`.
     #[inline(always)]
     pub(crate) fn squared<L: Lanes>(&self, block: u32, x: &[L; 3]) -> L {
-        squared(&self.positions[block as usize], x)
+        let [dx, dy, dz] = self.relative(block, x);
+        dx.mul_add(dx, dy.mul_add(dy, dz.mul(dz)))
     }
 
     /// A block's photons relative to `x`.
@@ -380,6 +372,21 @@ impl PointMap {
             Clearance { center, distance: clearance(center, limit).min(limit) }
         };
         (0..self.positions.len()).into_par_iter().map(of).collect()
+    }
+}
+
+/// A look-up that stops at its radius.
+struct RadiusAt<'a> {
+    map: &'a PointMap,
+    x: Vec3,
+}
+
+impl Task for RadiusAt<'_> {
+    type Output = f32;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self) -> f32 {
+        self.map.around::<L>(self.x, &mut PointMemory::default()).sqrt()
     }
 }
 
@@ -472,24 +479,52 @@ impl Input<'_> {
     }
 }
 
-/// Squared distances from a point to a block's photons; infinite in lanes without a photon.
-#[inline(always)]
-fn squared<L: Lanes>(rows: &[Row; 3], x: &[L; 3]) -> L {
-    let dx = L::load(&rows[0]).sub(x[0]);
-    let dy = L::load(&rows[1]).sub(x[1]);
-    let dz = L::load(&rows[2]).sub(x[2]);
-    dx.mul_add(dx, dy.mul_add(dy, dz.mul(dz)))
+/// A way through the tree.
+struct Walk<'a> {
+    map: &'a PointMap,
+    stack: [u32; STACK + LANES],
+    waiting: usize,
+    /// Nodes so far.
+    visited: u64,
 }
 
-/// Squared distances from a point to the boxes of a node's children. Each step rounds like that of [`squared`], so
-/// that no photon seems closer than the box it is in.
+impl<'a> Walk<'a> {
+    #[inline(always)]
+    fn new(map: &'a PointMap) -> Self {
+        Walk { map, stack: [0; STACK + LANES], waiting: usize::from(!map.nodes.is_empty()), visited: 0 }
+    }
+
+    /// The next node with blocks whose boxes come within the squared distance `bound` of `x`, and which of its
+    /// children they are.
+    #[inline(always)]
+    fn next<L: Lanes>(&mut self, x: &[L; 3], bound: f32) -> Option<(&'a BoxNode, u16)> {
+        while self.waiting > 0 {
+            self.waiting -= 1;
+            let node = &self.map.nodes[self.stack[self.waiting] as usize];
+            self.visited += 1;
+            // Each step rounds like that of `squared`, so that no photon seems closer than the box it is in.
+            let [dx, dy, dz] = [away(node, 0, x[0]), away(node, 1, x[1]), away(node, 2, x[2])];
+            let gap = dx.mul_add(dx, dy.mul_add(dy, dz.mul(dz)));
+            let hit = L::bits(gap.less_equal(L::splat(bound)));
+            let inner = hit & !node.leaves;
+            if inner != 0
+                && let Some(out) = self.stack[self.waiting..].first_chunk_mut()
+            {
+                L::compress_indices(&node.children, inner, out);
+                self.waiting += inner.count_ones() as usize;
+            }
+            if hit & node.leaves != 0 {
+                return Some((node, hit & node.leaves));
+            }
+        }
+        None
+    }
+}
+
+/// How far `x` is from the boxes of a node's children along an axis.
 #[inline(always)]
-fn gap<L: Lanes>(node: &BoxNode, x: &[L; 3]) -> L {
-    let away = |axis: usize| {
-        let below = L::load(&node.min[axis]).sub(x[axis]);
-        let above = x[axis].sub(L::load(&node.max[axis]));
-        below.max(above).max(L::splat(0.0))
-    };
-    let (dx, dy, dz) = (away(0), away(1), away(2));
-    dx.mul_add(dx, dy.mul_add(dy, dz.mul(dz)))
+fn away<L: Lanes>(node: &BoxNode, axis: usize, x: L) -> L {
+    let below = L::load(&node.min[axis]).sub(x);
+    let above = x.sub(L::load(&node.max[axis]));
+    below.max(above).max(L::splat(0.0))
 }

@@ -81,8 +81,8 @@ impl<P: Progress> Renderer<'_, P> {
                     done.sums[claim.pixel as usize].2.add_to(component, radiance);
                 }
             }
-            done.gathered = queue.stats;
         }
+        done.gathered = queue.stats;
         self.progress.advance((to - from) as u64);
         done
     }
