@@ -260,14 +260,19 @@ fn seconds() -> f64 {
     nanoseconds.map_or_else(|| start.elapsed().as_secs_f64(), |ns| ns * 1e-9)
 }
 
-/// Seconds of the best of five, and the sum of what was found.
+/// Seconds of the best of five, and the sum of what was found. The system counts in milliseconds.
 fn time(mut run: impl FnMut() -> f64) -> (f64, f64) {
+    const LONG_ENOUGH: f64 = 0.1;
     let mut best = f64::INFINITY;
     let mut sum = 0.0;
     for _ in 0..5 {
         let start = seconds();
-        sum = std::hint::black_box(run());
-        best = best.min(seconds() - start);
+        let mut runs = 0.0;
+        while seconds() - start < LONG_ENOUGH {
+            sum = std::hint::black_box(run());
+            runs += 1.0;
+        }
+        best = best.min((seconds() - start) / runs);
     }
     (best, sum)
 }
@@ -316,13 +321,16 @@ fn compare(name: &str, structures: &Structures, ball: Ball, places: &[Place]) {
             });
             [tree, grid]
         }
-        Ball::Nearest { neighbours, .. } => {
+        Ball::Nearest { neighbours, max_radius } => {
             let n = neighbours as usize;
             let finish = |heap: &Heap, photons: &[Photon], omega: &DVec3| {
                 let mut sum = Vec3::ZERO;
-                let r2 = heap.items[0].0;
-                // All but the n-th.
-                for (_, i) in &heap.items[1..] {
+                // All but the n-th, if there are so many.
+                let (r2, inside) = match heap.items.first() {
+                    Some(farthest) if heap.items.len() == n => (farthest.0, &heap.items[1..]),
+                    _ => (max_radius * max_radius, &heap.items[..]),
+                };
+                for (_, i) in inside {
                     weigh(&photons[*i as usize], omega.as_vec3(), &mut sum);
                 }
                 f64::from(sum.y) / (4.0 / 3.0 * std::f64::consts::PI * f64::from(r2).powf(1.5))
@@ -332,7 +340,7 @@ fn compare(name: &str, structures: &Structures, ball: Ball, places: &[Place]) {
                 let mut sum = 0.0;
                 for (x, omega) in places {
                     heap.items.clear();
-                    let mut bound = f32::INFINITY;
+                    let mut bound = max_radius * max_radius;
                     tree.visit(x.as_vec3(), 1, &mut bound, &mut |near, bound| heap.offer(near, bound));
                     sum += finish(&heap, &tree.photons, omega);
                 }
@@ -343,16 +351,18 @@ fn compare(name: &str, structures: &Structures, ball: Ball, places: &[Place]) {
                 let mut radius = grid.edge;
                 for (x, omega) in places {
                     // The last radius is a good first guess here too.
-                    radius *= 1.08;
+                    radius = (1.08 * radius).min(max_radius);
                     loop {
                         heap.items.clear();
                         grid.visit(x.as_vec3(), radius, &mut |near, bound| heap.offer(near, bound));
-                        if heap.items.len() == n {
+                        if heap.items.len() == n || radius == max_radius {
                             break;
                         }
-                        radius *= 1.3;
+                        radius = (1.3 * radius).min(max_radius);
                     }
-                    radius = heap.items[0].0.sqrt();
+                    if heap.items.len() == n {
+                        radius = heap.items[0].0.sqrt();
+                    }
                     sum += finish(&heap, &grid.photons, omega);
                 }
                 sum
@@ -417,7 +427,7 @@ fn main() {
         let structures = build(&photons, fixed, 1.2 * r);
         compare("fixed, march", &structures, fixed, &steps);
         compare("fixed, anyhow", &structures, fixed, &anyhow(4000));
-        let nearest = Ball::Nearest { neighbours: n, max_radius: f32::INFINITY };
+        let nearest = Ball::Nearest { neighbours: n, max_radius: 2.0 };
         let structures = build(&photons, nearest, r);
         compare("nearest, march", &structures, nearest, &steps);
         compare("nearest, march in small steps", &structures, nearest, &march(eye, DVec3::ZERO, 2.0, 0.02, 1));
@@ -428,6 +438,6 @@ fn main() {
     println!("beams:");
     let fixed = Ball::Fixed(0.05);
     compare("fixed, march", &build(&photons, fixed, 0.06), fixed, &steps);
-    let nearest = Ball::Nearest { neighbours: 50, max_radius: 50.0 };
+    let nearest = Ball::Nearest { neighbours: 50, max_radius: 0.4 };
     compare("nearest, march", &build(&photons, nearest, 0.1), nearest, &steps);
 }

@@ -144,11 +144,7 @@ fn mean_transmittance(tau: f64) -> f64 {
 
 /// ∫₀¹ x e^{−τx} dx
 fn first_moment(tau: f64) -> f64 {
-    if tau < 1e-3 {
-        0.5 - tau / 3.0 + tau * tau / 8.0
-    } else {
-        (mean_transmittance(tau) - (-tau).exp()) / tau
-    }
+    if tau < 1e-3 { 0.5 - tau / 3.0 + tau * tau / 8.0 } else { (mean_transmittance(tau) - (-tau).exp()) / tau }
 }
 
 /// x in [0, 1] with density ∝ e^{−τx}.
@@ -350,7 +346,8 @@ impl Steps {
             let t = stretch.a + length * (i as f64 / count as f64).powi(2);
             let transmitted = stretch.transmitted(stretch.depth(t));
             let tau = (last.transmitted / transmitted).ln();
-            let mean = if tau.is_finite() { last.transmitted * mean_transmittance(tau) } else { 0.5 * last.transmitted };
+            let mean =
+                if tau.is_finite() { last.transmitted * mean_transmittance(tau) } else { 0.5 * last.transmitted };
             last = Knot { t, transmitted, mass: last.mass + mean * (t - last.t) };
             self.knots.push(last);
         }
@@ -365,5 +362,145 @@ impl Steps {
         let share = ((mass - before.mass) / (after.mass - before.mass)).clamp(0.0, 1.0);
         let tau = (before.transmitted / after.transmitted).ln();
         before.t + (after.t - before.t) * if tau.is_finite() { exponential(tau, share) } else { share }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::DVec3;
+    use crate::math::random::Purpose;
+    use crate::medium::Emission;
+    use crate::medium::density::{Density, Exponential};
+    use crate::medium::phase::{Isotropic, Phase};
+
+    const STEPPINGS: [Stepping; 3] = [Stepping::Uniform, Stepping::Adaptive { contrast: 0.2 }, Stepping::Exponential];
+
+    fn medium(extinction: [f64; 3], density: Density) -> Medium {
+        Medium {
+            name: String::new(),
+            extinction: extinction.into(),
+            albedo: Rgb::ONE,
+            phase: Phase::Isotropic(Isotropic),
+            density,
+            emission: Emission::None,
+        }
+    }
+
+    /// The mean of many marches over its expectation, its standard error, and how many places each took.
+    fn run(marcher: &Marcher, stretch: &Stretch, source: impl Fn(f64) -> Rgb, expected: Rgb) -> (Rgb, Rgb, f64) {
+        const MARCHES: u64 = 4000;
+        let (mut sum, mut squares, mut places) = (Rgb::ZERO, Rgb::ZERO, 0u64);
+        let mut steps = Steps::default();
+        for i in 0..MARCHES {
+            let mut stream = Stream::new(3, Purpose::Test, i, 0);
+            let [one] = marcher.march(stretch, &mut stream, &mut steps, &mut |t, _| {
+                places += 1;
+                [source(t)]
+            });
+            sum += one / expected;
+            squares += one * one / (expected * expected);
+        }
+        let count = MARCHES as f64;
+        let mean = sum / count;
+        let variance = (squares / count - mean * mean).max(Rgb::ZERO);
+        (mean, (variance / count).map(f64::sqrt), places as f64 / count)
+    }
+
+    /// ∫ T S dt by the midpoint rule.
+    fn integral(stretch: &Stretch, source: impl Fn(f64) -> Rgb) -> Rgb {
+        const N: usize = 200_000;
+        let width = (stretch.b - stretch.a) / N as f64;
+        let at = |i: usize| stretch.a + (i as f64 + 0.5) * width;
+        (0..N).map(|i| stretch.medium.transmittance(stretch.depth(at(i))) * source(at(i)) * width).sum::<Rgb>()
+    }
+
+    /// Right on average, for steps of any size: light that varies, a flash much shorter than the steps, media that
+    /// are thin, thick, coloured, and thinning out, and stretches that begin late.
+    #[test]
+    fn every_marcher_is_right_on_average() {
+        let wave = |t: f64| Rgb::new(1.0 + (3.0 * t).sin(), 1.0, (-t).exp());
+        let flash = |t: f64| Rgb::splat(if (1.3..1.33).contains(&t) { 1.0 } else { 0.01 });
+        let ray = Ray::new(DVec3::new(0.0, 0.0, -1.0), DVec3::Z);
+        let air = Exponential { origin: DVec3::ZERO, up: DVec3::Z, scale_height: 0.5, value: 3.0 };
+        for (extinction, density) in [
+            ([0.0, 1e-7, 0.3], Density::Uniform),
+            ([0.7; 3], Density::Uniform),
+            ([0.2, 2.0, 40.0], Density::Uniform),
+            ([0.5, 1.0, 3.0], Density::Exponential(air)),
+        ] {
+            let medium = medium(extinction, density);
+            for (a, b) in [(0.0, 4.0), (1.0, 2.0)] {
+                let mut table = DepthTable::new();
+                if let Density::Exponential(air) = &medium.density {
+                    for i in 0..=400 {
+                        let t = b * f64::from(i) / 400.0;
+                        table.push(t, medium.density.depth(&ray, 0.0, t), air.at(ray.at(t)));
+                    }
+                    table.finish();
+                }
+                let depth = (!matches!(medium.density, Density::Uniform)).then_some(&table);
+                for weight in [Rgb::ONE, Rgb::new(0.0, 1.0, 5.0)] {
+                    let stretch = Stretch { ray: &ray, from: 0.0, a, b, medium: &medium, depth, weight };
+                    for stepping in STEPPINGS {
+                        for size in [0.1, 0.5, 9.0] {
+                            let marcher = Marcher { stepping, size };
+                            let check = |name: &str, source: &dyn Fn(f64) -> Rgb| {
+                                let expected = integral(&stretch, source);
+                                let (mean, error, _) = run(&marcher, &stretch, source, expected);
+                                for c in (0..3).filter(|&c| weight[c] > 0.0) {
+                                    let found = (mean[c] - 1.0).abs();
+                                    assert!(
+                                        found < 4.0 * error[c] + 1e-4,
+                                        "{name} {extinction:?} {a} {weight} {marcher:?} {c}: {mean} ± {error}"
+                                    );
+                                }
+                            };
+                            check("wave", &wave);
+                            check("flash", &flash);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn even_light_in_an_even_grey_medium_needs_one_place() {
+        let ray = Ray::new(DVec3::ZERO, DVec3::Z);
+        let medium = medium([0.7; 3], Density::Uniform);
+        let stretch = Stretch { ray: &ray, from: 0.0, a: 0.5, b: 4.0, medium: &medium, depth: None, weight: Rgb::ONE };
+        let expected = Rgb::splat(((-0.35f64).exp() - (-2.8f64).exp()) / 0.7);
+        for stepping in STEPPINGS {
+            let (mean, error, _) = run(&Marcher { stepping, size: 9.0 }, &stretch, |_| Rgb::ONE, expected);
+            assert!(
+                (mean - 1.0).abs().max_element() < 1e-9 && error.max_element() < 1e-7,
+                "{stepping:?} {mean} {error}"
+            );
+        }
+    }
+
+    /// Where light does not arrive from, no one looks often.
+    #[test]
+    fn effort_follows_transmittance_and_contrast() {
+        let ray = Ray::new(DVec3::ZERO, DVec3::Z);
+        let places = |sigma: f64, stepping, source: &dyn Fn(f64) -> Rgb| {
+            let medium = medium([sigma; 3], Density::Uniform);
+            let stretch =
+                Stretch { ray: &ray, from: 0.0, a: 0.0, b: 100.0, medium: &medium, depth: None, weight: Rgb::ONE };
+            run(&Marcher { stepping, size: 0.1 }, &stretch, source, Rgb::ONE).2
+        };
+        let one = |_: f64| Rgb::ONE;
+        // ∫T dt = 1, a tenth of it each.
+        let exponential = places(1.0, Stepping::Exponential, &one);
+        assert!((10.0..=11.0).contains(&exponential), "{exponential}");
+        // 30 steps to 1/20, and one mean free path from there on.
+        let uniform = places(1.0, Stepping::Uniform, &one);
+        assert!((35.0..45.0).contains(&uniform), "{uniform}");
+        // Coarse steps where nothing changes, 1.5 places each; fine ones around the flash.
+        let even = places(0.0, Stepping::Adaptive { contrast: 0.1 }, &one);
+        assert!((80.0..110.0).contains(&even), "{even}");
+        let flash = places(0.0, Stepping::Adaptive { contrast: 0.1 }, &|t| Rgb::splat((-(t - 50.0).powi(2)).exp()));
+        assert!((1.1 * even..2.0 * even).contains(&flash), "{flash} {even}");
     }
 }

@@ -11,6 +11,6 @@ mod trace;
 pub mod walls;
 
 pub use emission::Sources;
-pub use points::{Ball, PointMap, PointMemory, PointSettings};
 pub use map::{MapSettings, Photon, PhotonMap, Plane, Radii, Radius};
+pub use points::{Ball, PointMap, PointMemory, PointSettings};
 pub use trace::{Pass, Traced, trace};

@@ -112,18 +112,28 @@ pub struct PointMap {
 #[derive(Clone, Debug, Default)]
 pub struct PointMemory {
     /// Blocks near the last point.
-    pub(crate) blocks: Vec<u32>,
+    blocks: Vec<u32>,
     distances: Vec<Row>,
     /// The last place and the distance of its n-th photon.
     last: Option<(Vec3, f32)>,
     /// Nodes visited, in all.
-    pub(crate) nodes: u64,
+    nodes: u64,
     /// Walks that had to be repeated because their bound was too tight.
     #[cfg(test)]
     pub(crate) repeated: u64,
 }
 
 impl PointMemory {
+    /// The blocks that the last look-up met.
+    pub(crate) fn blocks(&self) -> &[u32] {
+        &self.blocks
+    }
+
+    /// How many nodes all look-ups took.
+    pub(crate) fn nodes(&self) -> u64 {
+        self.nodes
+    }
+
     /// Forgets where the last look-up was: it may have been in another map.
     pub fn forget(&mut self) {
         self.last = None;
@@ -222,7 +232,7 @@ impl PointMap {
         let of = |photon: usize| {
             let rows = &self.positions[photon / LANES];
             let x = Vec3::from(rows.each_ref().map(|row| row.0[photon % LANES]));
-            self.isa.run(RadiusAt { map: self, x })
+            self.look_up(x, &mut PointMemory::default()).sqrt()
         };
         let step = self.photons.div_ceil(SOME).max(1);
         summary(&(0..self.photons).into_par_iter().step_by(step).map(of).collect::<Vec<_>>())
@@ -235,8 +245,12 @@ impl PointMap {
 
     /// The squared radius of the ball around `x`; the blocks that reach into it are then in `memory`, in an order
     /// that depends on the map alone. The photons inside are those strictly closer.
+    pub(crate) fn look_up(&self, x: Vec3, memory: &mut PointMemory) -> f32 {
+        self.isa.run(LookUp { map: self, x, memory })
+    }
+
     #[inline(always)]
-    pub(crate) fn around<L: Lanes>(&self, x: Vec3, memory: &mut PointMemory) -> f32 {
+    fn around<L: Lanes>(&self, x: Vec3, memory: &mut PointMemory) -> f32 {
         let lanes = [L::splat(x.x), L::splat(x.y), L::splat(x.z)];
         match self.ball {
             Ball::Fixed(_) => {
@@ -375,18 +389,19 @@ impl PointMap {
     }
 }
 
-/// A look-up that stops at its radius.
-struct RadiusAt<'a> {
+/// A look-up as a kernel.
+struct LookUp<'a> {
     map: &'a PointMap,
     x: Vec3,
+    memory: &'a mut PointMemory,
 }
 
-impl Task for RadiusAt<'_> {
+impl Task for LookUp<'_> {
     type Output = f32;
 
     #[inline(always)]
     fn run<L: Lanes>(self) -> f32 {
-        self.map.around::<L>(self.x, &mut PointMemory::default()).sqrt()
+        self.map.around::<L>(self.x, self.memory)
     }
 }
 

@@ -195,7 +195,8 @@ impl<P: Progress> Renderer<'_, P> {
         };
         let summaries = maps.summaries();
         if pass == 0 {
-            let wide = |(region, map): &(u32, Summary)| wide_discs(scene, *region, map.radii, extinctions[*region as usize]);
+            let wide =
+                |(region, map): &(u32, Summary)| wide_discs(scene, *region, map.radii, extinctions[*region as usize]);
             self.warnings.extend(summaries.iter().filter_map(wide));
         }
         self.stats.tally.broken += summaries.iter().map(|(_, map)| map.rejected as u64).sum::<u64>();

@@ -126,9 +126,7 @@ fn points(scene: &Scene, radius: Radius, extent: f64) -> Points {
     let volume = &scene.volume;
     let ball = match radius {
         Radius::Fixed(radius) => Ball::Fixed(radius),
-        Radius::Variable { neighbours, max_radius, .. } => {
-            Ball::Nearest { neighbours: neighbours.max(2), max_radius }
-        }
+        Radius::Variable { neighbours, max_radius, .. } => Ball::Nearest { neighbours: neighbours.max(2), max_radius },
     };
     let profile = match volume.profile {
         None | Some(description::Profile::Constant) => Profile::Constant,
