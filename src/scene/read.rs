@@ -313,8 +313,9 @@ fn volume(table: &Table) -> Read<Volume> {
     })
 }
 
-/// What the ends of an adaptive step may differ by, unless the scene file says otherwise.
-const CONTRAST: f64 = 0.1;
+/// What the ends of an adaptive step may differ by, unless the scene file says otherwise: well above the noise of some
+/// tens of photons.
+const CONTRAST: f64 = 0.5;
 
 fn march(table: &Table) -> Read<March> {
     let kinds = [("uniform", Step::Uniform), ("adaptive", Step::Adaptive), ("exponential", Step::Exponential)];
