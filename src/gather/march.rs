@@ -423,7 +423,7 @@ mod tests {
     #[test]
     fn every_marcher_is_right_on_average() {
         let wave = |t: f64| Rgb::new(1.0 + (3.0 * t).sin(), 1.0, (-t).exp());
-        let flash = |t: f64| Rgb::splat(if (1.3..1.33).contains(&t) { 1.0 } else { 0.01 });
+        let flash = |t: f64| Rgb::splat(if (1.3..1.6).contains(&t) { 1.0 } else { 0.01 });
         let ray = Ray::new(DVec3::new(0.0, 0.0, -1.0), DVec3::Z);
         let air = Exponential { origin: DVec3::ZERO, up: DVec3::Z, scale_height: 0.5, value: 3.0 };
         for (extinction, density) in [
