@@ -1,14 +1,18 @@
 //! Radiance from photons: sums over the discs that an eye ray meets.
 
 mod beam;
+mod bundle;
 mod depth;
 pub mod march;
 mod phase;
 mod point;
+mod stream;
 mod volume;
 
 pub use beam::{BeamQuery, GatherStats, Gathered};
+pub use bundle::{Bundle, BundleScratch};
 pub use depth::DepthTable;
 pub use phase::{Lobe, PhaseLanes};
 pub use point::{Marching, PointMaps, PointQuery};
+pub use stream::StreamScratch;
 pub use volume::{Queue, Reach, VolumeMaps, emitted};
