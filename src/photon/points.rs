@@ -118,9 +118,6 @@ pub struct PointMemory {
     last: Option<(Vec3, f32)>,
     /// Nodes visited, in all.
     nodes: u64,
-    /// Walks that had to be repeated because their bound was too tight.
-    #[cfg(test)]
-    pub(crate) repeated: u64,
 }
 
 impl PointMemory {
@@ -132,11 +129,6 @@ impl PointMemory {
     /// How many nodes all look-ups took.
     pub(crate) fn nodes(&self) -> u64 {
         self.nodes
-    }
-
-    /// Forgets where the last look-up was: it may have been in another map.
-    pub fn forget(&mut self) {
-        self.last = None;
     }
 }
 
@@ -325,10 +317,6 @@ impl PointMap {
             }
             if bound >= cap {
                 break cap;
-            }
-            #[cfg(test)]
-            {
-                memory.repeated += 1;
             }
             // In an even density the number grows with the radius to the third power.
             let growth = (n as f32 / list.len().max(1) as f32).cbrt();
