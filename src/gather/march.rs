@@ -238,7 +238,7 @@ impl Marcher {
         sums: &mut Sums<N>,
     ) {
         let length = stretch.b - stretch.a;
-        let levels = (length / (2.0 * self.size)).max(1.0).min(COARSEST).log2().floor();
+        let levels = (length / (2.0 * self.size)).clamp(1.0, COARSEST).log2().floor();
         let coarse = self.size * levels.exp2();
         let mut probe = |t: f64, stream: &mut Stream| {
             let depth = stretch.depth(t);
