@@ -146,14 +146,15 @@ volume = 1_000
 max_emitted = 2_000
 
 [volume]
-estimate = "beam"
+estimate = "point"
 kernel = "fixed"
-profile = "biweight"
+profile = "epanechnikov"
 radius = 0.1
 neighbours = 50
 pilot = 8
 max_radius = 0.5
 single_scattering = "photons"
+march = { step = "adaptive", size = 0.25, contrast = 0.2 }
 "#;
 
 const CAMERA: &str = "[camera]\nposition = [0, 0, 4]\ntarget = [0, 0, 0]\n";
@@ -277,11 +278,14 @@ fn every_key_is_read_as_the_manual_says() {
     assert_eq!(scene.render, Render { method: Method::Path, samples: 8, seed: u64::MAX, max_depth: 3 });
     assert_eq!(scene.photons, Photons { volume: Some(1000), max_emitted: 2000 });
     let volume = Volume {
+        estimate: Estimate::Point,
         kernel: Kernel::Fixed,
+        profile: Some(Profile::Epanechnikov),
         radius: Some(0.1),
         neighbours: Some(50),
         pilot: Some(8),
         max_radius: Some(0.5),
+        march: March { step: Step::Adaptive, size: Some(0.25), contrast: 0.2 },
     };
     assert_eq!(scene.volume, volume);
 }
@@ -293,7 +297,8 @@ fn a_camera_is_enough() {
     assert_eq!((scene.film.exposure, scene.film.tone_map), (None, ToneMap::Filmic));
     assert_eq!((scene.camera.up, scene.camera.fov, scene.camera.focus_distance), (DVec3::Y, 40.0, 4.0));
     assert_eq!(scene.render, Render { method: Method::Photon, samples: 16, seed: 1, max_depth: 0 });
-    assert_eq!(scene.volume.kernel, Kernel::Variable);
+    assert_eq!((scene.volume.kernel, scene.volume.estimate), (Kernel::Variable, Estimate::Beam));
+    assert_eq!(scene.volume.march, March { step: Step::Exponential, size: None, contrast: 0.5 });
     assert_eq!((scene.photons.volume, scene.photons.max_emitted), (None, 50_000_000));
     assert!(scene.warnings[0].contains("nothing gives light"), "{:?}", scene.warnings);
 }
@@ -591,12 +596,10 @@ const LATER: &[&str] = &[
     "[render]\npasses = 2\n",
     "[photons]\nglobal = 200_000\n",
     "[photons]\ncaustic = 200_000\n",
-    "[volume]\nestimate = \"point\"\n",
     "[volume]\nprofile = \"epanechnikov\"\n",
     "[volume]\nprofile = \"constant\"\n",
     "[volume]\nsingle_scattering = \"traced\"\n",
     "[volume]\nsingle_scattering = \"approximate\"\n",
-    "[volume]\nmarch = { step = \"exponential\", size = 0.25, contrast = 0.1 }\n",
     "[surface]\nindirect = \"final_gather\"\n",
     "[surface]\nestimate = \"knn\"\n",
     "[surface]\ngather_rays = 200\n",
@@ -669,7 +672,7 @@ fn overrides_reach_every_key() {
         ("film.width.x=3", "film.width is a single value"),
         ("shapes.7.radius=1", "shapes.7: no such element; expected a name or an index from 0 to 6"),
         ("shapes.hazy.radius=1", "shapes.hazy: no such element; did you mean `haze`?"),
-        ("volume.march.step=uniform", "volume.march: marching is not supported yet"),
+        ("volume.march.step=unifrom", "did you mean `uniform`?"),
     ] {
         let message = complaint(SAMPLE, &[text]);
         assert!(message.contains(part), "expected {part} in\n{message}");

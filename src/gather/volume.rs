@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 
+use super::point::Marching;
 use super::{
     BeamQuery, Bundle, BundleScratch, DepthTable, GatherStats, Gathered, Lobe, PhaseLanes, SampledDepths, Samples,
     StreamScratch,
@@ -60,6 +61,8 @@ pub struct Queue<O> {
     /// The owners whose stretches are done, with what was gathered for them.
     pub done: Vec<(O, Gathered)>,
     table: DepthTable,
+    /// For rays that are marched instead.
+    pub marching: Marching,
     bundle: BundleScratch,
     stream: StreamScratch,
     /// What was counted.
@@ -74,6 +77,7 @@ impl<O> Default for Queue<O> {
             depths: SampledDepths::default(),
             done: Vec::new(),
             table: DepthTable::new(),
+            marching: Marching::default(),
             bundle: BundleScratch::default(),
             stream: StreamScratch::default(),
             stats: GatherStats::default(),
@@ -264,7 +268,7 @@ pub fn emitted(medium: &Medium, ray: &Ray, (a, b): (f64, f64), mut jitter: impl 
 }
 
 /// Fills `table` with the depth from `a` on, in lengths from `a`.
-fn tabulate(medium: &Medium, ray: &Ray, a: f64, b: f64, table: &mut DepthTable) {
+pub(super) fn tabulate(medium: &Medium, ray: &Ray, a: f64, b: f64, table: &mut DepthTable) {
     table.clear();
     table.push(0.0, 0.0, medium.density.at(ray.at(a)));
     let largest = medium.extinction.max_element();
@@ -301,7 +305,7 @@ fn tabulate(medium: &Medium, ray: &Ray, a: f64, b: f64, table: &mut DepthTable) 
 }
 
 /// A phase function as beam queries want it.
-fn lanes(phase: &Phase) -> PhaseLanes {
+pub(super) fn lanes(phase: &Phase) -> PhaseLanes {
     let lobe = |phase: &Phase| match phase {
         Phase::HenyeyGreenstein(p) => Lobe::HenyeyGreenstein(p.g),
         Phase::Schlick(p) => Lobe::Schlick(p.k),

@@ -180,15 +180,12 @@ impl PhotonMap {
     ///
     /// Photons that are not finite, and those beyond 2³² − 1, are left out and counted.
     pub fn build(
-        mut photons: Vec<Photon>,
+        photons: Vec<Photon>,
         settings: &MapSettings,
         planes: &(impl Fn(Vec3, f32, &mut SmallVec<[Plane; 3]>) + Sync),
     ) -> PhotonMap {
         let given = photons.len();
-        photons.truncate(u32::MAX as usize);
-        if !photons.par_iter().all(Photon::is_finite) {
-            photons.retain(Photon::is_finite);
-        }
+        let photons = storable(photons);
         let count = photons.len();
         let isa = Isa::best();
         let mut blocks = ordered(&photons, settings.tagged);
@@ -294,19 +291,43 @@ impl Photon {
 
 /// A photon's place and its index.
 #[derive(Clone, Copy)]
-struct Item {
-    position: [f32; 3],
-    photon: u32,
+pub(super) struct Item {
+    pub position: [f32; 3],
+    pub photon: u32,
+}
+
+/// The photons that a map can hold.
+pub(super) fn storable(mut photons: Vec<Photon>) -> Vec<Photon> {
+    photons.truncate(u32::MAX as usize);
+    if !photons.par_iter().all(Photon::is_finite) {
+        photons.retain(Photon::is_finite);
+    }
+    photons
+}
+
+/// Photons in median order.
+pub(super) fn sorted(photons: &[Photon]) -> Vec<Item> {
+    let item = |(i, photon): (usize, &Photon)| Item { position: photon.position.to_array(), photon: i as u32 };
+    let mut items: Vec<Item> = photons.par_iter().enumerate().map(item).collect();
+    split(&mut items);
+    items
+}
+
+/// The photons' events, by block; nothing if they need not be known.
+pub(super) fn events_of(items: &[Item], photons: &[Photon], tagged: bool) -> Vec<[u8; LANES]> {
+    let events = |items: &[Item]| {
+        let mut events = [u8::MAX; LANES];
+        for (event, item) in events.iter_mut().zip(items) {
+            *event = photons[item.photon as usize].events;
+        }
+        events
+    };
+    if tagged { items.par_chunks(LANES).map(events).collect() } else { Vec::new() }
 }
 
 /// Photons in blocks, in median order, with the powers they came with; and their events.
 fn ordered(photons: &[Photon], tagged: bool) -> (Vec<Block>, Vec<[u8; LANES]>) {
-    let mut items: Vec<Item> = photons
-        .par_iter()
-        .enumerate()
-        .map(|(i, photon)| Item { position: photon.position.to_array(), photon: i as u32 })
-        .collect();
-    split(&mut items);
+    let items = sorted(photons);
     let blocks = items
         .par_chunks(LANES)
         .map(|items| {
@@ -322,14 +343,7 @@ fn ordered(photons: &[Photon], tagged: bool) -> (Vec<Block>, Vec<[u8; LANES]>) {
             block
         })
         .collect();
-    let events = |items: &[Item]| {
-        let mut events = [u8::MAX; LANES];
-        for (event, item) in events.iter_mut().zip(items) {
-            *event = photons[item.photon as usize].events;
-        }
-        events
-    };
-    (blocks, if tagged { items.par_chunks(LANES).map(events).collect() } else { Vec::new() })
+    (blocks, events_of(&items, photons, tagged))
 }
 
 /// Puts items in the order of a median split along the longest edge, down to blocks. Splits fall
@@ -358,6 +372,20 @@ fn split(items: &mut [Item]) {
     }
 }
 
+/// The least and the largest of adaptive radii, for photons in a box.
+pub(super) fn radius_limits(max_radius: f32, scale: f32, min: Vec3, max: Vec3) -> (f32, f32) {
+    let diagonal = max.distance(min);
+    let largest_coordinate = max.abs().max(min.abs()).max_element();
+    let cap = match (max_radius.is_finite(), diagonal > 0.0) {
+        (true, _) => max_radius * scale,
+        (false, true) => diagonal * scale,
+        (false, false) => scale,
+    }
+    .max(MIN_RADIUS);
+    let least = MIN_RADIUS_ROUNDINGS * f32::EPSILON * largest_coordinate;
+    (least.max(MIN_RADIUS_SHARE * cap).clamp(MIN_RADIUS, cap), cap)
+}
+
 /// The radius of every disc, sixteen a block.
 fn radii_of(isa: Isa, blocks: &[Block], photons: usize, settings: &MapSettings) -> Vec<f32> {
     let scale = settings.scale;
@@ -366,16 +394,7 @@ fn radii_of(isa: Isa, blocks: &[Block], photons: usize, settings: &MapSettings) 
         Radius::Variable { neighbours, pilot, max_radius } => (neighbours.max(1), pilot.max(1), max_radius),
     };
     let (nodes, extent) = discs::build(blocks, photons, None);
-    let diagonal = extent.max.distance(extent.min);
-    let largest_coordinate = extent.max.abs().max(extent.min.abs()).max_element();
-    let cap = match (max_radius.is_finite(), diagonal > 0.0) {
-        (true, _) => max_radius * scale,
-        (false, true) => diagonal * scale,
-        (false, false) => scale,
-    }
-    .max(MIN_RADIUS);
-    let least =
-        (MIN_RADIUS_ROUNDINGS * f32::EPSILON * largest_coordinate).max(MIN_RADIUS_SHARE * cap).clamp(MIN_RADIUS, cap);
+    let (least, cap) = radius_limits(max_radius, scale, extent.min, extent.max);
     if photons <= 1 {
         return vec![cap; blocks.len() * LANES];
     }
@@ -387,7 +406,7 @@ fn radii_of(isa: Isa, blocks: &[Block], photons: usize, settings: &MapSettings) 
 }
 
 /// Extremes and mean, summed in a fixed order.
-fn summary(radii: &[f32]) -> Radii {
+pub(super) fn summary(radii: &[f32]) -> Radii {
     if radii.is_empty() {
         return Radii::default();
     }

@@ -8,10 +8,11 @@ use std::f64::consts::PI;
 use std::ops::ControlFlow;
 
 use super::equiangular::{self, Stretch};
-use crate::gather::{self, Gathered, Queue, Reach, VolumeMaps};
+use crate::gather::{self, Gathered, PointMaps, Queue, Reach, VolumeMaps};
 use crate::light::Light;
 use crate::math::{DVec3, Ray, Rgb, Stream};
 use crate::medium::{Emission, Medium};
+use crate::photon::walls;
 use crate::scene::{Inside, Scene};
 use crate::transport::{
     self, Crossing, Interaction, Reflection, Segment, Side, Stop, Tally, Visitor, Walk, light_density, shares, survive,
@@ -90,8 +91,10 @@ pub enum Mode<'a> {
     Track,
     /// Paths that have not collided yet split on every segment.
     Split,
-    /// Light is gathered from photons.
+    /// Light is gathered from photons, by beam queries.
     Gather(&'a VolumeMaps),
+    /// The same, by point queries.
+    March(&'a PointMaps),
 }
 
 /// The safety stop of walks that nothing ends: never below 10⁹ events; counted when it strikes.
@@ -302,7 +305,7 @@ impl<'s> Eye<'s> {
             self.light_surface(path, at, lambert.value(), sample, context);
         }
         // With photons the weight also fades along the way: there is one roulette for both, below.
-        let gathers = matches!(self.mode, Mode::Gather(_));
+        let gathers = matches!(self.mode, Mode::Gather(_) | Mode::March(_));
         let scattered = if gathers {
             at.scatter_always(Side::Eye, &mut path.weight, context.stream)
         } else {
@@ -448,6 +451,10 @@ impl Visitor for Passage<'_, '_, '_> {
             self.gather(maps, segment, medium);
             return ControlFlow::Continue(());
         }
+        if let Mode::March(maps) = self.eye.mode {
+            self.march(maps, segment, medium);
+            return ControlFlow::Continue(());
+        }
         let stretch = Stretch::new(segment, medium, self.path.weight);
         if medium.scatters() && self.eye.may_go_on(self.path.events) {
             self.scatter_once(segment, &stretch, medium);
@@ -475,35 +482,65 @@ impl Passage<'_, '_, '_> {
     }
 
     fn gather(&mut self, maps: &VolumeMaps, segment: &Segment<'_>, medium: &Medium) {
-        let scene = self.eye.scene;
+        self.glow(segment, medium);
+        let (reach, counts) = self.reach(segment);
+        let claim = counts.then_some(Claim {
+            pixel: self.context.pixel,
+            weight: self.path.weight,
+            components: self.components(),
+        });
+        let passed = maps.gather(medium, reach, claim, self.context.queue);
+        self.path.weight *= passed;
+    }
+
+    fn march(&mut self, maps: &PointMaps, segment: &Segment<'_>, medium: &Medium) {
+        self.glow(segment, medium);
+        let (reach, counts) = self.reach(segment);
+        if counts {
+            let scene = self.eye.scene;
+            let near = |position, radius, planes: &mut _| walls::near(scene, position, radius, planes);
+            let Context { queue, stream, .. } = &mut *self.context;
+            let stretch = (medium, &reach, self.path.weight);
+            let gathered = maps.gather(stretch, &near, stream, &mut queue.marching, &mut queue.stats);
+            for (component, radiance) in self.components().into_iter().zip(gathered) {
+                self.sample.radiance[component as usize] += self.path.weight * radiance;
+            }
+        }
+        self.path.weight *= medium.transmittance(medium.density.depth(segment.ray, segment.a, segment.b));
+    }
+
+    /// Adds what the medium itself emits along a segment.
+    fn glow(&mut self, segment: &Segment<'_>, medium: &Medium) {
         let range = (segment.a, segment.b);
         let glow = gather::emitted(medium, segment.ray, range, || self.context.stream.uniform());
         self.add(false, self.path.weight * glow);
+    }
+
+    /// What is to be gathered along a segment, and whether any photon may count.
+    fn reach(&self, segment: &Segment<'_>) -> (Reach, bool) {
+        let scene = self.eye.scene;
         // A photon's events, this scattering and those on the eye's side.
         let most = scene.render.max_depth as u64;
         let allowed = most.checked_sub(self.path.events + 1);
-        let max_events = if most == 0 { u8::MAX } else { allowed.map_or(0, |events| events.min(255) as u8) };
-        let components = match self.path.first {
-            None => [Component::VolumeSingle, Component::VolumeMultiple],
-            Some(First::Specular) => [Component::Specular; 2],
-            Some(_) => [Component::Indirect; 2],
-        };
-        let claim = (most == 0 || allowed.is_some()).then_some(Claim {
-            pixel: self.context.pixel,
-            weight: self.path.weight,
-            components,
-        });
         let reach = Reach {
             ray: *segment.ray,
             a: segment.a,
             b: segment.b,
             medium: segment.medium,
             region: scene.region(segment.inside),
-            max_events,
+            max_events: if most == 0 { u8::MAX } else { allowed.map_or(0, |events| events.min(255) as u8) },
             from_camera: self.path.events == 0,
         };
-        let passed = maps.gather(medium, reach, claim, self.context.queue);
-        self.path.weight *= passed;
+        (reach, most == 0 || allowed.is_some())
+    }
+
+    /// Where light goes that a medium scattered once on its way to the path, and all other.
+    fn components(&self) -> [Component; 2] {
+        match self.path.first {
+            None => [Component::VolumeSingle, Component::VolumeMultiple],
+            Some(First::Specular) => [Component::Specular; 2],
+            Some(_) => [Component::Indirect; 2],
+        }
     }
 
     /// A collision by chance.

@@ -6,11 +6,11 @@ use std::time::Instant;
 use super::camera::Camera;
 use super::eye::Mode;
 use super::film::{Film, Layers};
-use super::plan::Plan;
-use crate::gather::{GatherStats, VolumeMaps};
+use super::plan::{Plan, Points};
+use crate::gather::{GatherStats, PointMaps, VolumeMaps};
 use crate::medium::Medium;
 use crate::medium::density::Density;
-use crate::photon::{self, MapSettings, Photon, PhotonMap, Radii, walls};
+use crate::photon::{self, MapSettings, Photon, PhotonMap, PointMap, Radii, walls};
 use crate::scene::Scene;
 use crate::scene::description::Method;
 use crate::transport::Tally;
@@ -133,7 +133,8 @@ impl<P: Progress> Renderer<'_, P> {
             return false;
         }
         let mode = match &maps {
-            Some(maps) => Mode::Gather(maps),
+            Some(Maps::Beams(maps)) => Mode::Gather(maps),
+            Some(Maps::Points(maps)) => Mode::March(maps),
             None if self.plan.split => Mode::Split,
             None => Mode::Track,
         };
@@ -150,9 +151,9 @@ impl<P: Progress> Renderer<'_, P> {
     }
 
     /// The photon maps of a pass, one for each region.
-    fn maps(&mut self, pass: u32) -> VolumeMaps {
+    fn maps(&mut self, pass: u32) -> Maps {
         let (scene, progress) = (self.scene, self.progress);
-        let empty = || VolumeMaps::new((0..scene.regions).map(|_| None).collect(), &scene.media);
+        let empty = || Maps::Beams(VolumeMaps::new((0..scene.regions).map(|_| None).collect(), &scene.media));
         if self.plan.volume_photons == 0 {
             return empty();
         }
@@ -188,30 +189,81 @@ impl<P: Progress> Renderer<'_, P> {
             (0..).zip(&traced.regions).map(|(i, photons)| mean_extinction(scene, i, photons)).collect();
         let start = Instant::now();
         progress.phase("build", 0);
-        let settings = MapSettings { tagged: self.plan.tagged, ..MapSettings::new(self.plan.radius) };
-        // The disc is drawn around a foot point that may be a radius away from the photon.
-        let near = |position, radius, planes: &mut _| walls::near(scene, position, 2.0 * radius, planes);
-        let build = |photons: Vec<Photon>| (!photons.is_empty()).then(|| PhotonMap::build(photons, &settings, &near));
-        let maps = VolumeMaps::new(traced.regions.into_iter().map(build).collect(), &scene.media);
+        let maps = match &self.plan.points {
+            None => Maps::Beams(beam_maps(scene, &self.plan, traced.regions)),
+            Some(points) => Maps::Points(point_maps(scene, points, traced.regions)),
+        };
+        let summaries = maps.summaries();
         if pass == 0 {
             let wide =
-                |(region, map): (u32, &PhotonMap)| wide_discs(scene, region, map.radii(), extinctions[region as usize]);
-            self.warnings.extend(maps.by_region().filter_map(wide));
+                |(region, map): &(u32, Summary)| wide_discs(scene, *region, map.radii, extinctions[*region as usize]);
+            self.warnings.extend(summaries.iter().filter_map(wide));
         }
-        self.stats.tally.broken += maps.maps().map(|map| map.rejected() as u64).sum::<u64>();
-        self.stats.map_bytes = self.stats.map_bytes.max(maps.maps().map(|map| map.bytes() as u64).sum());
-        self.stats.radii = radii(&maps);
+        self.stats.tally.broken += summaries.iter().map(|(_, map)| map.rejected as u64).sum::<u64>();
+        self.stats.map_bytes = self.stats.map_bytes.max(summaries.iter().map(|(_, map)| map.bytes as u64).sum());
+        self.stats.radii = radii(&summaries);
         self.stats.build_seconds += start.elapsed().as_secs_f64();
         maps
     }
 }
 
+/// Photon maps, one for each region.
+enum Maps {
+    Beams(VolumeMaps),
+    Points(PointMaps),
+}
+
+/// What is reported of a map.
+struct Summary {
+    photons: usize,
+    rejected: usize,
+    bytes: usize,
+    radii: Radii,
+}
+
+impl Maps {
+    /// Of each map that holds photons, with its region.
+    fn summaries(&self) -> Vec<(u32, Summary)> {
+        let of_beams = |map: &PhotonMap| Summary {
+            photons: map.len(),
+            rejected: map.rejected(),
+            bytes: map.bytes(),
+            radii: map.radii(),
+        };
+        let of_points = |map: &PointMap| Summary {
+            photons: map.len(),
+            rejected: map.rejected(),
+            bytes: map.bytes(),
+            radii: map.radii(),
+        };
+        match self {
+            Maps::Beams(maps) => maps.by_region().map(|(region, map)| (region, of_beams(map))).collect(),
+            Maps::Points(maps) => maps.by_region().map(|(region, map)| (region, of_points(map))).collect(),
+        }
+    }
+}
+
+fn beam_maps(scene: &Scene, plan: &Plan, regions: Vec<Vec<Photon>>) -> VolumeMaps {
+    let settings = MapSettings { tagged: plan.tagged, ..MapSettings::new(plan.radius) };
+    // The disc is drawn around a foot point that may be a radius away from the photon.
+    let near = |position, radius, planes: &mut _| walls::near(scene, position, 2.0 * radius, planes);
+    let build = |photons: Vec<Photon>| (!photons.is_empty()).then(|| PhotonMap::build(photons, &settings, &near));
+    VolumeMaps::new(regions.into_iter().map(build).collect(), &scene.media)
+}
+
+fn point_maps(scene: &Scene, points: &Points, regions: Vec<Vec<Photon>>) -> PointMaps {
+    let clearance = |position, limit| walls::clearance(scene, position, limit);
+    let build =
+        |photons: Vec<Photon>| (!photons.is_empty()).then(|| PointMap::build(photons, &points.settings, &clearance));
+    PointMaps::new(regions.into_iter().map(build).collect(), &scene.media, points.marchers.clone())
+}
+
 /// The radii of all maps together.
-fn radii(maps: &VolumeMaps) -> Radii {
-    let photons: usize = maps.maps().map(PhotonMap::len).sum();
-    maps.maps().fold(Radii { min: f32::INFINITY, mean: 0.0, max: 0.0 }, |all, map| {
-        let Radii { min, mean, max } = map.radii();
-        let share = map.len() as f32 / photons as f32;
+fn radii(maps: &[(u32, Summary)]) -> Radii {
+    let photons: usize = maps.iter().map(|(_, map)| map.photons).sum();
+    maps.iter().fold(Radii { min: f32::INFINITY, mean: 0.0, max: 0.0 }, |all, (_, map)| {
+        let Radii { min, mean, max } = map.radii;
+        let share = map.photons as f32 / photons as f32;
         Radii { min: all.min.min(min), mean: all.mean + share * mean, max: all.max.max(max) }
     })
 }

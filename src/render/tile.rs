@@ -83,8 +83,8 @@ impl<P: Progress> Renderer<'_, P> {
                     done.sums[claim.pixel as usize].2.add_to(component, radiance);
                 }
             }
-            done.gathered = std::mem::take(&mut queue.stats);
         }
+        done.gathered = std::mem::take(&mut queue.stats);
         self.progress.advance(samples.len() as u64);
         done
     }

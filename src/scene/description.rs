@@ -598,11 +598,15 @@ pub struct Photons {
     pub max_emitted: u64,
 }
 
-/// `[volume]`: how media are gathered, by beam queries with the biweight profile.
+/// `[volume]`: how media are gathered.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Volume {
+    /// What is gathered along a ray.
+    pub estimate: Estimate,
     /// How wide photons are.
     pub kernel: Kernel,
+    /// How photons count from their middle to their rim; `None`: chosen by the estimate.
+    pub profile: Option<Profile>,
     /// The radius of [`Kernel::Fixed`], above 0; `None`: chosen from the scene.
     pub radius: Option<f64>,
     /// The number n of photons an adaptive radius should cover, at least 1; `None`: chosen from the scene.
@@ -611,6 +615,50 @@ pub struct Volume {
     pub pilot: Option<u32>,
     /// The cap of adaptive radii, above 0; `None`: chosen from the scene.
     pub max_radius: Option<f64>,
+    /// How rays are stepped through, where they are.
+    pub march: March,
+}
+
+/// What is gathered along a ray.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Estimate {
+    /// All photons around the ray at once.
+    Beam,
+    /// The photons around points on the ray.
+    Point,
+}
+
+/// How photons count from their middle to their rim.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Profile {
+    /// The same everywhere.
+    Constant,
+    /// 1 − x².
+    Epanechnikov,
+    /// (1 − x²)².
+    Biweight,
+}
+
+/// `[volume] march`
+#[derive(Clone, Debug, PartialEq)]
+pub struct March {
+    /// How long steps are.
+    pub step: Step,
+    /// The length of the smallest step, above 0; `None`: chosen from the scene.
+    pub size: Option<f64>,
+    /// What the ends of an adaptive step may differ by, above 0, as a share.
+    pub contrast: f64,
+}
+
+/// How long the steps of a march are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// All alike.
+    Uniform,
+    /// Short where density or light change.
+    Adaptive,
+    /// The longer the less light arrives from there.
+    Exponential,
 }
 
 /// How wide photons are.

@@ -13,7 +13,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::description::{
-    Camera, Description, Document, Film, Filter, Kernel, Method, Photons, Render, ToneMap, Unit, Volume, World,
+    Camera, Description, Document, Estimate, Film, Filter, Kernel, March, Method, Photons, Profile, Render, Step,
+    ToneMap, Unit, Volume, World,
 };
 use super::table::{Item, Problems, Read, Table, unit};
 use super::{overrides, tree};
@@ -279,11 +280,19 @@ fn photons(table: &Table) -> Read<Photons> {
 }
 
 fn volume(table: &Table) -> Read<Volume> {
-    let estimate = table.get("estimate", |item| item.choice(&[("beam", ())], &["point"]));
+    let estimates = [("beam", Estimate::Beam), ("point", Estimate::Point)];
+    let estimate = table.get_or("estimate", Estimate::Beam, |item| item.choice(&estimates, &[]));
     let kernel = table.get_or("kernel", Kernel::Variable, |item| {
         item.choice(&[("fixed", Kernel::Fixed), ("variable", Kernel::Variable), ("knn", Kernel::Variable)], &[])
     });
-    let profile = table.get("profile", |item| item.choice(&[("biweight", ())], &["epanechnikov", "constant"]));
+    let profiles =
+        [("biweight", Profile::Biweight), ("epanechnikov", Profile::Epanechnikov), ("constant", Profile::Constant)];
+    let profile = table.get("profile", |item| match (item.choice(&profiles, &[])?, &estimate) {
+        (Profile::Epanechnikov | Profile::Constant, Ok(Estimate::Beam)) => {
+            Err(item.unsupported("any profile but \"biweight\" for beams is"))
+        }
+        (profile, _) => Ok(profile),
+    });
     let radius = table.get("radius", Item::length);
     let neighbours = table.get("neighbours", |item| item.u32(1));
     let pilot = table.get("pilot", |item| item.u32(5));
@@ -291,18 +300,30 @@ fn volume(table: &Table) -> Read<Volume> {
     let single = table.get("single_scattering", |item| item.choice(&[("photons", ())], &["traced", "approximate"]));
     let march = table.get("march", |item| march(&item.table()?));
     table.finish()?;
-    estimate.and(profile).and(single).and(march)?;
-    Ok(Volume { kernel: kernel?, radius: radius?, neighbours: neighbours?, pilot: pilot?, max_radius: max_radius? })
+    single?;
+    Ok(Volume {
+        estimate: estimate?,
+        kernel: kernel?,
+        profile: profile?,
+        radius: radius?,
+        neighbours: neighbours?,
+        pilot: pilot?,
+        max_radius: max_radius?,
+        march: march?.unwrap_or(March { step: Step::Exponential, size: None, contrast: CONTRAST }),
+    })
 }
 
-/// Only point queries and traced single scattering march.
-fn march(table: &Table) -> Read<()> {
-    let step = table.get("step", |item| item.choice(&[("uniform", ()), ("adaptive", ()), ("exponential", ())], &[]));
+/// What the ends of an adaptive step may differ by, unless the scene file says otherwise: well above the noise of some
+/// tens of photons.
+const CONTRAST: f64 = 0.5;
+
+fn march(table: &Table) -> Read<March> {
+    let kinds = [("uniform", Step::Uniform), ("adaptive", Step::Adaptive), ("exponential", Step::Exponential)];
+    let step = table.get_or("step", Step::Exponential, |item| item.choice(&kinds, &[]));
     let size = table.get("size", Item::length);
-    let contrast = table.get("contrast", Item::positive);
+    let contrast = table.get_or("contrast", CONTRAST, Item::positive);
     table.finish()?;
-    step.and(size.and(contrast))?;
-    Err(table.fail("marching is not supported yet"))
+    Ok(March { step: step?, size: size?, contrast: contrast? })
 }
 
 /// Surface maps are still to come; what merely says so is accepted.
