@@ -39,7 +39,8 @@ pub struct Gathered {
 }
 
 /// What queries cost, summed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, serde::Serialize, serde::Deserialize, PartialEq, Eq)]
+#[serde(default)]
 pub struct GatherStats {
     /// Queries made.
     pub queries: u64,

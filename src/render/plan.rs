@@ -10,6 +10,7 @@ use crate::{Error, Result};
 use std::ops::ControlFlow;
 
 use super::camera::Camera;
+use super::limits::Limits;
 
 /// The decisions.
 #[derive(Clone, Debug)]
@@ -24,9 +25,12 @@ pub struct Plan {
     pub tagged: bool,
     /// Whether eye paths split in media: collisions are rare.
     pub split: bool,
-    /// Independent passes that the image is the mean of.
-    pub passes: u32,
-    /// Camera samples per pixel and pass.
+    /// Parts that each pass is split into: independent, with their share of photons and samples, and all of one
+    /// width.
+    pub parts: u32,
+    /// The dimension that passes narrow the spread of photons in: 2 for discs, 3 for spheres.
+    pub dimension: u32,
+    /// Camera samples per pixel and part.
     pub samples: u32,
     /// The solids around the camera, where they are the same for all of its lens.
     pub inside: Option<Inside>,
@@ -41,8 +45,6 @@ const VOLUME_PHOTONS: u64 = 2_000_000;
 const NEIGHBOURS: u32 = 60;
 /// The share of the largest extent of the photons that adaptive radii may reach at most.
 const MAX_RADIUS_SHARE: f64 = 0.1;
-/// Sub-passes for the standard error of a single pass.
-const SUB_PASSES: u32 = 8;
 /// Camera paths that tell how often paths collide.
 const PILOT: u64 = 2000;
 /// Where fewer paths than this share collide, they split.
@@ -52,30 +54,26 @@ impl Plan {
     /// Decides.
     ///
     /// # Errors
-    /// [`Error::Scene`] for a scene in which no walk can end.
-    pub fn new(scene: &Scene, camera: &Camera) -> Result<Plan> {
+    /// [`Error::Scene`] for a scene in which no walk can end; [`Error::Limit`] where memory is too short.
+    pub fn new(scene: &Scene, camera: &Camera, limits: &Limits) -> Result<Plan> {
         let render = &scene.render;
         refuse_eternity(scene, camera)?;
         let scatters = scene.media.iter().any(|medium| medium.scatters());
-        let gathers = render.method == Method::Photon
-            && scatters
-            && (!scene.lights.is_empty() || scene.media.iter().any(|m| m.glows()));
-        let passes = if scene.film.standard_error { SUB_PASSES } else { 1 };
-
-        let photons = scene.photons.volume.unwrap_or(VOLUME_PHOTONS);
+        let photons = volume_photons(scene);
+        let parts = limits.parts(scene, photons)?;
         let volume = &scene.volume;
         // The extent that photons can fill: of media with an end, else of the scene.
         let extent = extent_of_media(scene);
         let radius = match volume.kernel {
             Kernel::Fixed => {
                 // As wide as would hold n photons if they filled the extent evenly.
-                let chosen = extent * (NEIGHBOURS as f64 / photons as f64).cbrt() * 0.5;
+                let chosen = extent * (NEIGHBOURS as f64 / photons.max(1) as f64).cbrt() * 0.5;
                 Radius::Fixed(volume.radius.unwrap_or(chosen) as f32)
             }
             Kernel::Variable => {
                 let neighbours = volume.neighbours.unwrap_or(NEIGHBOURS);
                 // Sub-maps hold fewer photons; the same radius holds fewer neighbours.
-                let neighbours = (neighbours / passes).max(5);
+                let neighbours = (neighbours / parts).max(5);
                 let pilot = volume.pilot.unwrap_or_else(|| ((neighbours as f64).sqrt().ceil() as u32).max(5));
                 Radius::Variable {
                     neighbours,
@@ -87,12 +85,13 @@ impl Plan {
         let inside = (camera.aperture() == 0.0 || scene.solids.is_empty()).then(|| scene.inside(camera.position));
         let mut plan = Plan {
             method: render.method,
-            volume_photons: if gathers { (photons / passes as u64).max(1) } else { 0 },
+            volume_photons: if photons > 0 { (photons / parts as u64).max(1) } else { 0 },
             radius,
             tagged: scene.film.layers || render.max_depth > 0,
             split: false,
-            passes,
-            samples: render.samples.div_ceil(passes),
+            parts,
+            dimension: 2,
+            samples: render.samples.div_ceil(parts),
             inside,
         };
         if render.method == Method::Path && scatters {
@@ -100,6 +99,14 @@ impl Plan {
         }
         Ok(plan)
     }
+}
+
+/// Volume photons wanted in each pass: none where nothing scatters, or nothing shines.
+pub fn volume_photons(scene: &Scene) -> u64 {
+    let shines = !scene.lights.is_empty() || scene.media.iter().any(|medium| medium.glows());
+    let scatters = scene.media.iter().any(|medium| medium.scatters());
+    let gathers = scene.render.method == Method::Photon && scatters && shines;
+    if gathers { scene.photons.volume.unwrap_or(VOLUME_PHOTONS) } else { 0 }
 }
 
 /// The diagonal of the box around all media that scatter, as far as they end; else of the scene.
@@ -196,7 +203,7 @@ fn collisions_are_rare(scene: &Scene, camera: &Camera, plan: &Plan) -> bool {
     const LONG_ENOUGH: u64 = 1000;
     let mut collided = 0;
     for index in 0..PILOT {
-        let mut stream = Stream::new(scene.render.seed, Purpose::Pilot, index, plan.passes as u64);
+        let mut stream = Stream::new(scene.render.seed, Purpose::Pilot, index, plan.parts as u64);
         let (ray, inside) = pilot_ray(scene, camera, &mut stream);
         if !matches!(wander(scene, ray, inside, LONG_ENOUGH, &mut stream), Wandered::Ended { collided: false }) {
             collided += 1;

@@ -1,7 +1,5 @@
 //! Samples through the pixels of a tile.
 
-use std::sync::atomic::Ordering;
-
 use rayon::prelude::*;
 
 use super::eye::{Claim, Context, Eye, Mode};
@@ -52,6 +50,7 @@ impl<P: Progress> Renderer<'_, P> {
                 self.stats.tally = self.stats.tally.merge(tile.tally);
             }
             from = to;
+            self.end_round();
         }
     }
 
@@ -111,11 +110,6 @@ impl<P: Progress> Renderer<'_, P> {
             sum.add(&eye.look(ray, inside, &mut context));
         }
         done.sums.push((x, y, sum));
-    }
-
-    /// Whether the render is to end.
-    pub(super) fn stopped(&self) -> bool {
-        self.stop.load(Ordering::Relaxed)
     }
 }
 

@@ -252,15 +252,11 @@ fn render(table: &Table) -> Read<Render> {
         item.choice(&[("photon", Method::Photon), ("path", Method::Path)], &[])
     });
     let samples = table.get_or("samples", 16, |item| item.u32(1));
-    let passes = table.get("passes", |item| match item.u32(1)? {
-        1 => Ok(()),
-        _ => Err(item.unsupported("more than one pass is")),
-    });
+    let passes = table.get_or("passes", 1, |item| item.u32(1));
     let seed = table.get_or("seed", 1, |item| item.u64(0));
     let max_depth = table.get_or("max_depth", 0, |item| item.u32(0));
     table.finish()?;
-    passes?;
-    Ok(Render { method: method?, samples: samples?, seed: seed?, max_depth: max_depth? })
+    Ok(Render { method: method?, samples: samples?, passes: passes?, seed: seed?, max_depth: max_depth? })
 }
 
 fn photons(table: &Table) -> Read<Photons> {
