@@ -27,11 +27,11 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let mut files = arguments.checkpoints.iter();
     let first: &Path = files.next().ok_or_else(|| Error::Usage("there is no checkpoint to merge".to_string()))?;
     let mut all = Checkpoint::read(first)?;
-    for file in files {
+    for (index, file) in files.enumerate() {
         let next = Checkpoint::read(file)?;
-        // Of the checkpoints so far, only the first has a name that stands for all.
         all.merge(&next).map_err(|why| {
-            Error::asset(file, format!("cannot be joined with {} and what comes before: {why}", first.display()))
+            let others = if index == 0 { "" } else { " and the others before it" };
+            Error::asset(file, format!("cannot be joined with {}{others}: {why}", first.display()))
         })?;
     }
     let Checkpoint { subject, film, stats } = &all;

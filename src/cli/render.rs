@@ -67,7 +67,7 @@ pub struct Arguments {
     preview: Option<PathBuf>,
     /// Shows the image in the viewer tev as it is refined.
     #[cfg(feature = "tev")]
-    #[arg(long, value_name = "HOST:PORT")]
+    #[arg(long, value_name = "HOST:PORT", value_parser = values::address)]
     tev: Option<String>,
     /// Threads to use; default: all cores.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
@@ -174,6 +174,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             let names: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
             let done = if seen { "as far as it came" } else { "not written: there is no sample yet" };
             eprintln!("{}: {done}", names.join(", "));
+            if let (Some(path), passes @ 1..) = (&arguments.checkpoint, rendering.film.done().count()) {
+                eprintln!("{}: {passes} passes, to go on from with --resume", path.display());
+            }
         }
         return Err(Error::Interrupted);
     }
@@ -225,7 +228,7 @@ fn continued(path: &Path, before: Checkpoint, subject: &Subject, seed: u64) -> R
     Ok((before.film, before.stats))
 }
 
-fn facts<'d>(description: &'d Description, film: &Film, seconds: f64) -> Facts<'d> {
+fn facts(description: &Description, film: &Film, seconds: f64) -> Facts<'static> {
     let mut seeds: Vec<u64> = film.done().seeds().collect();
     if seeds.is_empty() {
         seeds.push(description.render.seed);

@@ -73,6 +73,15 @@ pub fn passes(text: &str) -> Result<RangeInclusive<u32>, String> {
     }
 }
 
+/// `HOST:PORT`, as it is.
+#[cfg(feature = "tev")]
+pub fn address(text: &str) -> Result<String, String> {
+    match text.rsplit_once(':') {
+        Some((host, port)) if !host.is_empty() && port.parse::<u16>().is_ok() => Ok(text.to_string()),
+        _ => Err("expected HOST:PORT, such as localhost:14158".to_string()),
+    }
+}
+
 /// A file that ends in .png.
 pub fn png(text: &str) -> Result<std::path::PathBuf, String> {
     if text.to_ascii_lowercase().ends_with(".png") {

@@ -143,7 +143,14 @@ pub fn refine(
         None => (limits.film(scene, plan.parts)?, Stats::default()),
     };
     let clock = Clock::new(limits.time, film.has_samples());
-    let mut renderer = Renderer { scene, camera, plan, progress, stop, clock, film, stats, warnings: Vec::new() };
+    let mut warnings = Vec::new();
+    if let Some(memory) = limits.memory
+        && plan.parts > 1
+    {
+        let (parts, mib) = (plan.parts, memory as f64 / (1u64 << 20) as f64);
+        warnings.push(format!("to stay within {mib:.0} MiB, each pass is made in {parts} parts"));
+    }
+    let mut renderer = Renderer { scene, camera, plan, progress, stop, clock, film, stats, warnings };
     let end = renderer.run(limits);
     let Renderer { film, stats, mut warnings, .. } = renderer;
     if let (Some(target), Some(error)) = (limits.target_error, stats.error)
@@ -163,9 +170,10 @@ pub fn refine(
 /// Passes that tell how far apart passes are, at least.
 const TELLING: u64 = 4;
 
-/// A first image may take so long, whatever the limit of time: for its photons, and once more for its first
-/// sample of each pixel.
-const FIRST_IMAGE: Duration = Duration::from_secs(1);
+/// Whatever the limit of time, a first image may take so long for its photons,
+const FIRST_PHOTONS: Duration = Duration::from_secs(1);
+/// and so long for its first sample of each pixel.
+const FIRST_SAMPLES: Duration = Duration::from_secs(3);
 
 /// A pass that was expected to end in time may exceed the limit of time by this share of it.
 const OVERTIME: f64 = 0.05;
@@ -178,11 +186,14 @@ pub(super) struct Clock {
     image: bool,
     /// How long the last pass took.
     pass: Duration,
+    /// When the last pass came to its samples.
+    samples: Instant,
 }
 
 impl Clock {
     fn new(limit: Option<Duration>, image: bool) -> Self {
-        Clock { start: Instant::now(), limit, image, pass: Duration::ZERO }
+        let start = Instant::now();
+        Clock { start, limit, image, pass: Duration::ZERO, samples: start }
     }
 
     /// Whether a pass that takes as long as the one before would end in time.
@@ -190,22 +201,20 @@ impl Clock {
         self.limit.is_none_or(|limit| self.start.elapsed() + self.pass <= limit)
     }
 
-    /// Whether the limit is reached.
-    fn is_up(&self, limit: impl Fn(Duration) -> Duration) -> bool {
-        self.limit.is_some_and(|time| self.start.elapsed() >= limit(time))
-    }
-
     /// Whether to trace no more photons.
     fn ends_photons(&self) -> bool {
-        self.is_up(|limit| if self.image { limit.mul_f64(1.0 + OVERTIME) } else { limit.max(FIRST_IMAGE) })
+        self.limit.is_some_and(|limit| {
+            let end = if self.image { limit.mul_f64(1.0 + OVERTIME) } else { limit.max(FIRST_PHOTONS) };
+            self.start.elapsed() >= end
+        })
     }
 
     /// Whether to take no more samples.
     fn ends_samples(&self) -> bool {
-        self.is_up(|limit| match (self.image, self.pass.is_zero()) {
-            (true, true) => limit,
-            (true, false) => limit.mul_f64(1.0 + OVERTIME),
-            (false, _) => 2 * limit.max(FIRST_IMAGE),
+        self.limit.is_some_and(|limit| match (self.image, self.pass.is_zero()) {
+            (true, true) => self.start.elapsed() >= limit,
+            (true, false) => self.start.elapsed() >= limit.mul_f64(1.0 + OVERTIME),
+            (false, _) => self.start.elapsed() >= limit && self.samples.elapsed() >= limit.max(FIRST_SAMPLES),
         })
     }
 }
@@ -289,15 +298,13 @@ impl<P: Progress> Renderer<'_, P> {
             Method::Photon => Some(self.maps(pass)),
             Method::Path => None,
         };
-        if self.stopped() {
-            return false;
-        }
         let mode = match &maps {
             Some(maps) => Mode::Gather(maps),
             None if self.plan.split => Mode::Split,
             None => Mode::Track,
         };
         let start = Instant::now();
+        self.clock.samples = start;
         self.expose(mode, pass);
         self.stats.render_seconds += start.elapsed().as_secs_f64();
         !self.stopped()
@@ -325,17 +332,17 @@ impl<P: Progress> Renderer<'_, P> {
             }
             progress.advance(done);
         };
-        let late = || self.clock.ends_photons();
-        let stop = || self.stop.load(Ordering::Relaxed) || late();
+        let stop = || self.stop.load(Ordering::Relaxed) || self.clock.ends_photons();
         let traced = photon::trace(scene, &order, &advance, &stop);
+        let late = self.clock.ends_photons();
         self.stats.photons_seconds += start.elapsed().as_secs_f64();
         self.stats.emitted += traced.emitted;
         self.stats.volume += traced.stored();
         self.stats.tally = self.stats.tally.merge(traced.tally);
-        if self.stopped() {
+        if self.stop.load(Ordering::Relaxed) || (late && self.clock.image) {
             return empty();
         }
-        if late() {
+        if late {
             // The only image there will be.
             self.plan.samples = 1;
             self.warnings.push(format!(
@@ -345,8 +352,10 @@ impl<P: Progress> Renderer<'_, P> {
             ));
         }
         let first = self.stats.passes == 0;
-        if first {
+        if first && !late {
             self.warnings.extend(sparse_map(&self.plan, &traced));
+        }
+        if first {
             self.warnings.extend(endless_glow(scene));
         }
 
