@@ -106,13 +106,17 @@ fn main() {
     let references: Vec<Image> = [101, 102]
         .into_par_iter()
         .map(|seed| {
-            let set = ["render.method=path".to_string(), format!("render.samples={reference_samples}"), format!("render.seed={seed}")];
+            let set = [
+                "render.method=path".to_string(),
+                format!("render.samples={reference_samples}"),
+                format!("render.seed={seed}"),
+            ];
             render(folder.path(), 1, &set).swap_remove(0).1
         })
         .collect();
     let level = references[0].mean();
 
-    for (name, extra) in [("fixed", "volume.radius=0.5"), ("variable", "volume.neighbours=100")] {
+    for (name, extra) in [("fixed", "volume.radius=0.3"), ("variable", "volume.neighbours=100")] {
         let albums: Vec<Vec<(u64, Image)>> = (1..=SEEDS)
             .into_par_iter()
             .map(|seed| {

@@ -360,7 +360,7 @@ fn an_interrupted_render_goes_on_from_its_checkpoint() {
     let at = |name: &str| folder.path().join(name);
     let base = ["render", NAME, "-q", "--set", "film.exposure=1", "-o"];
     let arguments = [&base[..], &["a.pfm", "--passes", "1000000", "--checkpoint", "c", "--preview", "p.png"]].concat();
-    let mut child = program(folder.path(), &arguments).spawn().unwrap();
+    let mut child = program(folder.path(), &arguments).stderr(Stdio::null()).spawn().unwrap();
     // A picture comes while it is made, and is always whole.
     wait_until("a preview", || at("p.png").exists());
     assert_eq!(image::read(at("p.png")).unwrap().image.width, 12);
@@ -373,6 +373,9 @@ fn an_interrupted_render_goes_on_from_its_checkpoint() {
     assert_eq!(again.status.code(), Some(0), "{}", text(&again.stderr));
     assert_eq!(fs::read(at("merged.pfm")).unwrap(), fs::read(at("a.pfm")).unwrap());
     assert_eq!(fs::read(at("merged.png")).unwrap(), fs::read(at("p.png")).unwrap());
+    let facts = run(folder.path(), &["info", "c", "--json"]);
+    let facts: Value = serde_json::from_slice(&facts.stdout).unwrap();
+    assert_eq!((&facts["passes"][0]["seed"], &facts["passes"][0]["first"]), (&1.into(), &1.into()), "{facts}");
     let picture = image::read(at("merged.exr")).unwrap();
     let attribute = picture.attributes.iter().find(|(name, _)| name == "passes");
     let Some((_, Attribute::Number(passes))) = attribute else { panic!("{:?}", picture.attributes) };

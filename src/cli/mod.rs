@@ -35,7 +35,7 @@ enum Command {
     Diff(diff::Arguments),
     /// Joins checkpoints of one scene made with other seeds or passes.
     Merge(merge::Arguments),
-    /// What is in a scene, .vdb, .obj, .npy or image file.
+    /// What is in a scene, .vdb, .obj, .npy, image or checkpoint file.
     Info(info::Arguments),
 }
 

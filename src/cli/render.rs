@@ -169,14 +169,17 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         failures.for_each(|error| eprintln!("error: {error}"));
         return Err(first);
     }
+    if let Some(path) = arguments.checkpoint.as_ref().filter(|_| !arguments.quiet) {
+        match rendering.film.done().count() {
+            0 => eprintln!("{}: not written: no pass is finished", path.display()),
+            passes => eprintln!("{}: {passes} passes, to go on from with --resume", path.display()),
+        }
+    }
     if rendering.end == End::Interrupted {
         if !arguments.quiet {
             let names: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
             let done = if seen { "as far as it came" } else { "not written: there is no sample yet" };
             eprintln!("{}: {done}", names.join(", "));
-            if let (Some(path), passes @ 1..) = (&arguments.checkpoint, rendering.film.done().count()) {
-                eprintln!("{}: {passes} passes, to go on from with --resume", path.display());
-            }
         }
         return Err(Error::Interrupted);
     }

@@ -135,7 +135,8 @@ fn difference(one: &str, other: &str) -> String {
             let other = other.trim_start();
             let (other_name, other_value) = other.split_once(": ").unwrap_or(("", other));
             let (value, other_value) = (value.trim_end_matches(','), other_value.trim_end_matches(','));
-            let whole = name == other_name && [value, other_value].iter().all(|value| !value.ends_with(['(', '{', '[']));
+            let whole =
+                name == other_name && [value, other_value].iter().all(|value| !value.ends_with(['(', '{', '[']));
             return match whole {
                 true => format!("{} is {value} in one and {other_value} in the other", named(&names)),
                 false => format!("{} differs", named(&names)),
@@ -241,6 +242,13 @@ impl Checkpoint {
         }
     }
 
+    /// Whether a file begins like a checkpoint.
+    pub fn is_one(path: impl AsRef<Path>) -> bool {
+        let mut magic = [0; MAGIC.len()];
+        let read = File::open(path).and_then(|mut file| file.read_exact(&mut magic));
+        read.is_ok() && &magic == MAGIC
+    }
+
     /// Adds the passes of another checkpoint.
     ///
     /// # Errors
@@ -340,7 +348,9 @@ mod tests {
     #[test]
     fn differences_are_named() {
         let text = |radius: &str, samples: u32| {
-            format!("version: 1,\nScene {{\n    volume: Volume {{\n        kernel: Fixed,\n        radius: {radius},\n    }},\n    render: Render {{\n        samples: {samples},\n    }},\n}}\n")
+            format!(
+                "version: 1,\nScene {{\n    volume: Volume {{\n        kernel: Fixed,\n        radius: {radius},\n    }},\n    render: Render {{\n        samples: {samples},\n    }},\n}}\n"
+            )
         };
         let (one, some) = (text("None", 1), text("Some(\n            0.1,\n        )", 1));
         assert_eq!(difference(&one, &text("None", 2)), "render.samples is 1 in one and 2 in the other");

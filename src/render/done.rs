@@ -44,11 +44,6 @@ impl Done {
         at.map_or(&[], |at| &self.seeds[at].passes)
     }
 
-    /// Whether a pass is among them.
-    pub fn contains(&self, seed: u64, pass: u32) -> bool {
-        self.of(seed).iter().any(|&(first, last)| (first..=last).contains(&pass))
-    }
-
     /// Those of `passes` that are not among them, in order.
     pub fn missing(&self, seed: u64, passes: RangeInclusive<u32>) -> impl Iterator<Item = u32> + use<> {
         let done = self.of(seed).to_vec();

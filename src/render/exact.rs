@@ -130,8 +130,7 @@ impl<const C: usize> ExactSums<C> {
             file.write_all(&bytes)?;
         }
         for chunk in self.digits.chunks(CHUNK) {
-            let bytes: Vec<u8> =
-                chunk.iter().flatten().flatten().flat_map(|digit| digit.to_le_bytes()).collect();
+            let bytes: Vec<u8> = chunk.iter().flatten().flatten().flat_map(|digit| digit.to_le_bytes()).collect();
             file.write_all(&bytes)?;
         }
         Ok(())
@@ -212,9 +211,7 @@ mod tests {
     fn sums_are_precise() {
         // At any scale, to 2⁻³² of the largest number for each.
         for scale in [1e-45, 1e-30, 1e-9, 1.0, 4e9, 1e30, 1e60] {
-            let values: Vec<f64> = (0..1000)
-                .map(|i| scale * Stream::new(5, Purpose::Test, i, 0).uniform())
-                .collect();
+            let values: Vec<f64> = (0..1000).map(|i| scale * Stream::new(5, Purpose::Test, i, 0).uniform()).collect();
             let mut sums = ExactSums::new(1);
             values.iter().for_each(|&value| sums.add(|_| [value]));
             let expected: f64 = values.iter().sum();

@@ -341,9 +341,9 @@ impl Film {
         });
         let albedo = surfaces.iter().map(|(guides, _, hits)| [0, 1, 2].map(|c| (guides[c] / hits.max(1.0)) as f32));
         layers.push(Layer { name: "albedo".to_string(), channels: LayerData::Rgb(albedo.collect()) });
-        let normal = surfaces.iter().map(|([.., x, y, z], ..)| {
-            glam::DVec3::new(*x, *y, *z).normalize_or_zero().as_vec3().to_array()
-        });
+        let normal = surfaces
+            .iter()
+            .map(|([.., x, y, z], ..)| glam::DVec3::new(*x, *y, *z).normalize_or_zero().as_vec3().to_array());
         layers.push(Layer { name: "normal".to_string(), channels: LayerData::Normal(normal.collect()) });
         let depth =
             surfaces.iter().map(|(_, depth, hits)| if *hits > 0.0 { (depth / hits) as f32 } else { f32::INFINITY });

@@ -253,10 +253,13 @@ impl<P: Progress> Renderer<'_, P> {
                 return End::TimeUp;
             }
             let start = Instant::now();
-            let samples = self.plan.samples;
+            let (samples, before) = (self.plan.samples, self.stats.clone());
             if !self.pass(pass - 1) {
                 let interrupted = self.stop.load(Ordering::Relaxed);
-                if self.stats.passes == 0 {
+                if self.stats.passes > 0 {
+                    // What is not in the image is not counted.
+                    self.stats = before;
+                } else {
                     self.stats.samples = self.film.samples_in_pass() as u64;
                     if !interrupted {
                         self.warnings.push(format!(
