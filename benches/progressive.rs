@@ -116,7 +116,7 @@ fn main() {
         .collect();
     let level = references[0].mean();
 
-    for (name, extra) in [("fixed", "volume.radius=0.3"), ("variable", "volume.neighbours=100")] {
+    for (name, extra) in [("fixed", "volume.radius=0.2"), ("variable", "volume.neighbours=40")] {
         let albums: Vec<Vec<(u64, Image)>> = (1..=SEEDS)
             .into_par_iter()
             .map(|seed| {
@@ -125,7 +125,7 @@ fn main() {
                     extra.to_string(),
                     "volume.max_radius=10".to_string(),
                     format!("photons.volume={PHOTONS}"),
-                    "render.samples=2".to_string(),
+                    "render.samples=8".to_string(),
                     format!("render.seed={seed}"),
                 ];
                 render(folder.path(), passes, &set)
