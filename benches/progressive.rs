@@ -11,13 +11,15 @@ use volpm::image::Image;
 use volpm::render::{Film, Limits, Progress, Stats, refine};
 use volpm::scene;
 
-/// The square root of the number of pixels, and of voxels along an edge.
-const WIDTH: usize = 16;
+/// The square root of the number of pixels: so many that discs stay wider than they are, as they would else
+/// average out noise but not blur.
+const WIDTH: usize = 48;
+/// Voxels along an edge.
 const VOXELS: usize = 24;
 /// Photons of a pass.
 const PHOTONS: f64 = 4000.0;
 /// Independent renders.
-const SEEDS: u32 = 6;
+const SEEDS: u32 = 4;
 
 fn text() -> String {
     format!(
@@ -98,7 +100,7 @@ fn product(a: &Image, b: &Image, references: [&Image; 2]) -> f64 {
 fn main() {
     let mut numbers = std::env::args().skip(1).filter_map(|argument| argument.parse::<u32>().ok());
     let passes = numbers.next().unwrap_or(256);
-    let reference_samples = numbers.next().unwrap_or(16_384);
+    let reference_samples = numbers.next().unwrap_or(1024);
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::write(folder.path().join("cloud.npy"), cloud()).expect("a file");
 
@@ -116,7 +118,7 @@ fn main() {
         .collect();
     let level = references[0].mean();
 
-    for (name, extra) in [("fixed", "volume.radius=0.2"), ("variable", "volume.neighbours=40")] {
+    for (name, extra) in [("fixed", "volume.radius=0.25"), ("variable", "volume.neighbours=60")] {
         let albums: Vec<Vec<(u64, Image)>> = (1..=SEEDS)
             .into_par_iter()
             .map(|seed| {
@@ -125,7 +127,7 @@ fn main() {
                     extra.to_string(),
                     "volume.max_radius=10".to_string(),
                     format!("photons.volume={PHOTONS}"),
-                    "render.samples=8".to_string(),
+                    "render.samples=1".to_string(),
                     format!("render.seed={seed}"),
                 ];
                 render(folder.path(), passes, &set)

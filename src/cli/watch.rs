@@ -104,15 +104,17 @@ impl Watch {
         {
             written.push(checkpoint::write(path, &subject, film, stats));
         }
-        if film.has_samples() {
-            if let Some(preview) = outputs.preview {
-                written.push(image::write(preview.what, &film.image().into(), &outputs.tone));
-            }
-            #[cfg(feature = "tev")]
-            if let Some(mut viewer) = outputs.viewer {
-                // A viewer that was closed has seen enough.
-                let _ = viewer.what.show(&film.image());
-            }
+        if let Some(preview) = outputs.preview
+            && film.has_samples()
+        {
+            written.push(image::write(preview.what, &film.image().into(), &outputs.tone));
+        }
+        #[cfg(feature = "tev")]
+        if let Some(mut viewer) = outputs.viewer
+            && film.has_samples()
+        {
+            // A viewer that was closed has seen enough.
+            let _ = viewer.what.show(&film.image());
         }
         written
     }
