@@ -137,7 +137,7 @@ rotate = 45
 [render]
 method = "path"
 samples = 8
-passes = 1
+passes = 3
 seed = 18446744073709551615
 max_depth = 3
 
@@ -275,7 +275,7 @@ fn every_key_is_read_as_the_manual_says() {
     };
     assert_eq!((file.value.as_path(), *scale, *rotate), (Path::new("scenes/sky.hdr"), Rgb::splat(2.0), 45.0));
 
-    assert_eq!(scene.render, Render { method: Method::Path, samples: 8, seed: u64::MAX, max_depth: 3 });
+    assert_eq!(scene.render, Render { method: Method::Path, samples: 8, passes: 3, seed: u64::MAX, max_depth: 3 });
     assert_eq!(scene.photons, Photons { volume: Some(1000), max_emitted: 2000 });
     let volume = Volume {
         estimate: Estimate::Point,
@@ -296,7 +296,7 @@ fn a_camera_is_enough() {
     assert_eq!((scene.film.width, scene.film.height, scene.film.filter), (640, 480, Filter::Box));
     assert_eq!((scene.film.exposure, scene.film.tone_map), (None, ToneMap::Filmic));
     assert_eq!((scene.camera.up, scene.camera.fov, scene.camera.focus_distance), (DVec3::Y, 40.0, 4.0));
-    assert_eq!(scene.render, Render { method: Method::Photon, samples: 16, seed: 1, max_depth: 0 });
+    assert_eq!(scene.render, Render { method: Method::Photon, samples: 16, passes: 1, seed: 1, max_depth: 0 });
     assert_eq!((scene.volume.kernel, scene.volume.estimate), (Kernel::Variable, Estimate::Beam));
     assert_eq!(scene.volume.march, March { step: Step::Exponential, size: None, contrast: 0.5 });
     assert_eq!((scene.photons.volume, scene.photons.max_emitted), (None, 50_000_000));
@@ -593,7 +593,6 @@ const LATER: &[&str] = &[
     "[media.a]\nsigma_s = 1\nunit = \"mm\"\n",
     "[media.a]\nsigma_s = 1\nphase = { type = \"mie\", diameter = 20 }\n",
     "[media.a]\nsigma_s = 1\ndensity = { type = \"noise\", scale = 1, octaves = 3, threshold = 0, seed = 1 }\n",
-    "[render]\npasses = 2\n",
     "[photons]\nglobal = 200_000\n",
     "[photons]\ncaustic = 200_000\n",
     "[volume]\nprofile = \"epanechnikov\"\n",

@@ -85,6 +85,27 @@ impl Profile {
     }
 }
 
+impl Profile {
+    /// (1 − x²)^k as c₀ + c₁ q + c₂ q², q = 1 − x² > 0: for loops that are not worth compiling three times.
+    pub(crate) fn polynomial(self) -> [f32; 3] {
+        match self {
+            Profile::Constant => [1.0, 0.0, 0.0],
+            Profile::Epanechnikov => [0.0, 1.0, 0.0],
+            Profile::Biweight => [0.0, 0.0, 1.0],
+        }
+    }
+
+    /// [`Profile::disc_share`] of √s², to 3·10⁻⁶.
+    #[inline(always)]
+    pub(crate) fn disc_share_lanes<L: Lanes>(self, s2: L) -> L {
+        match self {
+            Profile::Constant => Constant::disc_share(s2),
+            Profile::Epanechnikov => Epanechnikov::disc_share(s2),
+            Profile::Biweight => Biweight::disc_share(s2),
+        }
+    }
+}
+
 /// A profile as queries evaluate it: for sixteen photons at a time, without its peak.
 pub(crate) trait Shape: Copy {
     /// (1 − x²)^k from `q` = 1 − x² > 0.
@@ -156,32 +177,13 @@ impl Shape for Biweight {
     }
 }
 
-/// The constant of the two-dimensional biweight kernel.
-pub const BIWEIGHT: f64 = 3.0 / PI;
-
-/// [`Profile::disc`] of the biweight.
-pub fn biweight(x: f64) -> f64 {
-    Profile::Biweight.disc(x)
-}
-
-/// [`Profile::disc_share`] of the biweight.
-pub fn disc_share(s: f64) -> f64 {
-    Profile::Biweight.disc_share(s)
-}
-
-/// [`disc_share`] of √s², in lanes, to 3·10⁻⁶.
-#[inline(always)]
-pub(crate) fn disc_share_lanes<L: Lanes>(s2: L) -> L {
-    Biweight::disc_share(s2)
-}
-
 /// Coefficients of 1/C(s), by interpolation at Chebyshev's nodes: 4·10⁻⁵ on [0, 1].
 const INVERSE_DISC_SHARE: [f32; 8] =
     [1.999_942_1, -4.066_888, 8.136_03, -12.079_031, 14.034_813, -11.070_336, 5.078_787, -1.033_356];
 
-/// 1 over [`disc_share`] of s, in lanes, to 5·10⁻⁵; anything below 0.
+/// 1 over the biweight's [`Profile::disc_share`] of s, in lanes, to 5·10⁻⁵; anything below 0.
 #[inline(always)]
-pub(crate) fn inverse_disc_share_lanes<L: Lanes>(s: L) -> L {
+pub(crate) fn inverse_biweight_share<L: Lanes>(s: L) -> L {
     let s = s.min(L::splat(1.0));
     let mut p = L::splat(INVERSE_DISC_SHARE[7]);
     for coefficient in INVERSE_DISC_SHARE[..7].iter().rev() {

@@ -1,7 +1,7 @@
 //! The volume photon map: photons in blocks of sixteen, in the order of a median split.
 
 use super::discs::{self, Node, photons_in};
-use super::kernel::BIWEIGHT;
+use super::kernel::Profile;
 use super::radii;
 use super::simd::{Isa, LANES, Row};
 use crate::math::{Bounds, Vec3};
@@ -44,6 +44,8 @@ pub enum Radius {
 pub struct MapSettings {
     /// How wide photons are spread.
     pub radius: Radius,
+    /// The kernel.
+    pub profile: Profile,
     /// Multiplies every radius, the cap included: progressive passes shrink it.
     pub scale: f32,
     /// Whether photons remember their number of events.
@@ -53,9 +55,9 @@ pub struct MapSettings {
 }
 
 impl MapSettings {
-    /// Untagged, corrected at walls, radii as they are.
+    /// The biweight, untagged, corrected at walls, radii as they are.
     pub fn new(radius: Radius) -> Self {
-        MapSettings { radius, scale: 1.0, tagged: false, boundaries: true }
+        MapSettings { radius, profile: Profile::Biweight, scale: 1.0, tagged: false, boundaries: true }
     }
 }
 
@@ -96,7 +98,7 @@ pub(crate) struct Block {
     /// 1/r².
     pub inverse_square: Row,
     pub direction: [Row; 3],
-    /// 3/π · power/r².
+    /// K₂(0) · power/r².
     pub power: [Row; 3],
 }
 
@@ -160,6 +162,7 @@ pub struct PhotonMap {
     /// Whether walks test boxes rather than spheres.
     pub(crate) boxes: bool,
     pub(crate) isa: Isa,
+    pub(crate) profile: Profile,
     photons: usize,
     rejected: usize,
     radii: Radii,
@@ -194,11 +197,12 @@ impl PhotonMap {
         drop(photons);
 
         let radii = radii_of(isa, &blocks, count, settings);
+        let peak = settings.profile.disc_peak() as f32;
         blocks.par_iter_mut().zip(radii.par_chunks(LANES)).enumerate().for_each(|(index, (block, radii))| {
             for (lane, &r) in radii[..photons_in(index, count)].iter().enumerate() {
                 block.inverse_square.0[lane] = 1.0 / (r * r);
                 for power in &mut block.power {
-                    power.0[lane] *= BIWEIGHT as f32 / (r * r);
+                    power.0[lane] *= peak / (r * r);
                 }
             }
         });
@@ -211,6 +215,7 @@ impl PhotonMap {
         PhotonMap {
             boxes: f64::from(summary.mean) < BOXES_BELOW * size,
             isa,
+            profile: settings.profile,
             photons: count,
             rejected: given - count,
             radii: summary,
@@ -242,7 +247,7 @@ impl PhotonMap {
             let photon = Photon {
                 position: of(&block.position),
                 direction: of(&block.direction),
-                power: of(&block.power) / (BIWEIGHT as f32 * inverse_square),
+                power: of(&block.power) / (self.profile.disc_peak() as f32 * inverse_square),
                 events: self.events.get(index / LANES).map_or(0, |events| events[lane]),
             };
             Disc { photon, radius: inverse_square.sqrt().recip() }

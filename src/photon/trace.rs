@@ -61,7 +61,7 @@ const CROWDED: f64 = 1.5;
 const SAFETY_STOP: u64 = 1_000_000_000;
 
 /// Traces photons. `advance` is told as emissions are done, of [`Pass`]'s number once it is known; `stop` ends
-/// the pass early, its result then worthless.
+/// the pass early: what it traced until then stands for all the light, except that it may have traced nothing.
 pub fn trace(
     scene: &Scene,
     pass: &Pass,
@@ -107,12 +107,13 @@ pub fn trace(
     }
 
     let chunks = tracer.run(pass, Purpose::Photon, emitted, progress, stop);
+    let emitted: u64 = chunks.iter().map(|chunk| chunk.emitted).sum();
     let mut traced = Traced { emitted, forced: tracer.forced, ..empty() };
     for region in 0..scene.regions as usize {
         let count = chunks.iter().map(|chunk| chunk.photons.iter().filter(|p| p.0 as usize == region).count()).sum();
         traced.regions[region].reserve_exact(count);
     }
-    let scale = 1.0 / emitted as f64;
+    let scale = 1.0 / emitted.max(1) as f64;
     for chunk in chunks {
         traced.tally = traced.tally.merge(chunk.tally);
         for (region, mut photon) in chunk.photons {
@@ -133,6 +134,7 @@ struct Tracer<'s> {
 
 #[derive(Default)]
 struct Chunk {
+    emitted: u64,
     photons: Vec<(u32, Photon)>,
     collided: u64,
     tally: Tally,
@@ -154,12 +156,14 @@ impl Tracer<'_> {
                 let range = index * CHUNK..((index + 1) * CHUNK).min(emitted);
                 let count = range.end - range.start;
                 for photon in range {
-                    if stop() {
-                        return chunk;
+                    // To ask may mean to look at a clock.
+                    if photon % 16 == 0 && stop() {
+                        return Chunk::default();
                     }
                     let mut stream = Stream::new(pass.seed, purpose, photon, pass.index);
                     self.emit(&mut stream, &mut chunk);
                 }
+                chunk.emitted = count;
                 chunk.photons.shrink_to_fit();
                 progress(count, emitted);
                 chunk

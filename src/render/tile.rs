@@ -1,7 +1,6 @@
 //! Samples through the pixels of a tile.
 
 use std::ops::Range;
-use std::sync::atomic::Ordering;
 
 use rayon::prelude::*;
 
@@ -55,6 +54,7 @@ impl<P: Progress> Renderer<'_, P> {
                 self.stats.tally = self.stats.tally.merge(tile.tally);
             }
             from = to;
+            self.end_round();
         }
     }
 
@@ -113,11 +113,6 @@ impl<P: Progress> Renderer<'_, P> {
             sum.add(&eye.look(ray, inside, &mut context));
         }
         done.sums.push((x, y, sum));
-    }
-
-    /// Whether the render is to end.
-    pub(super) fn stopped(&self) -> bool {
-        self.stop.load(Ordering::Relaxed)
     }
 }
 

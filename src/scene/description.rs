@@ -14,7 +14,7 @@ use crate::Error;
 use crate::math::{DAffine3, DVec3, Rgb};
 
 /// Where in a scene file, or in which `--set`, something was said.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, PartialEq)]
 pub struct Place {
     pub(crate) source: Source,
     pub(crate) key: Arc<str>,
@@ -70,9 +70,11 @@ impl fmt::Display for Source {
     }
 }
 
-impl fmt::Debug for Source {
+/// Nothing: descriptions that say the same look the same, wherever they say it
+/// ([`crate::render::checkpoint`] compares them so).
+impl fmt::Debug for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        fmt::Display::fmt(self, f)
+        f.write_str("_")
     }
 }
 
@@ -123,6 +125,40 @@ pub struct Description {
     pub volume: Volume,
     /// What is allowed but probably not meant, each message complete.
     pub warnings: Vec<String>,
+}
+
+impl Description {
+    /// All files that the scene file names.
+    pub fn files_mut(&mut self) -> Vec<&mut PathBuf> {
+        let mut files = Vec::new();
+        for medium in &mut self.media {
+            match &mut medium.density {
+                Density::Vdb { file, .. } | Density::Array { file, .. } => files.push(&mut file.value),
+                Density::Constant { .. } | Density::Exponential { .. } => {}
+            }
+        }
+        for shape in &mut self.shapes {
+            match &mut shape.kind {
+                ShapeKind::Mesh { file, .. } => files.push(&mut file.value),
+                ShapeKind::Sphere { .. }
+                | ShapeKind::Box { .. }
+                | ShapeKind::Quad { .. }
+                | ShapeKind::Disk { .. }
+                | ShapeKind::Cylinder { .. }
+                | ShapeKind::Instance { .. } => {}
+            }
+        }
+        for light in &mut self.lights {
+            match &mut light.kind {
+                LightKind::Environment { source: EnvironmentSource::Image(file), .. } => files.push(&mut file.value),
+                LightKind::Environment { source: EnvironmentSource::Constant(_), .. }
+                | LightKind::Point { .. }
+                | LightKind::Spot { .. }
+                | LightKind::Directional { .. } => {}
+            }
+        }
+        files
+    }
 }
 
 /// `[film]`: the image.
@@ -572,8 +608,10 @@ pub enum EnvironmentSource {
 pub struct Render {
     /// How the image is computed.
     pub method: Method,
-    /// Camera samples per pixel, at least 1.
+    /// Camera samples per pixel and pass, at least 1.
     pub samples: u32,
+    /// Passes, each with fresh photons in narrower discs, at least 1.
+    pub passes: u32,
     /// What all random numbers derive from.
     pub seed: u64,
     /// The number of events between light and eye; 0: unlimited.

@@ -253,15 +253,11 @@ fn render(table: &Table) -> Read<Render> {
         item.choice(&[("photon", Method::Photon), ("path", Method::Path)], &[])
     });
     let samples = table.get_or("samples", 16, |item| item.u32(1));
-    let passes = table.get("passes", |item| match item.u32(1)? {
-        1 => Ok(()),
-        _ => Err(item.unsupported("more than one pass is")),
-    });
+    let passes = table.get_or("passes", 1, |item| item.u32(1));
     let seed = table.get_or("seed", 1, |item| item.u64(0));
     let max_depth = table.get_or("max_depth", 0, |item| item.u32(0));
     table.finish()?;
-    passes?;
-    Ok(Render { method: method?, samples: samples?, seed: seed?, max_depth: max_depth? })
+    Ok(Render { method: method?, samples: samples?, passes: passes?, seed: seed?, max_depth: max_depth? })
 }
 
 fn photons(table: &Table) -> Read<Photons> {
@@ -287,12 +283,7 @@ fn volume(table: &Table) -> Read<Volume> {
     });
     let profiles =
         [("biweight", Profile::Biweight), ("epanechnikov", Profile::Epanechnikov), ("constant", Profile::Constant)];
-    let profile = table.get("profile", |item| match (item.choice(&profiles, &[])?, &estimate) {
-        (Profile::Epanechnikov | Profile::Constant, Ok(Estimate::Beam)) => {
-            Err(item.unsupported("any profile but \"biweight\" for beams is"))
-        }
-        (profile, _) => Ok(profile),
-    });
+    let profile = table.get("profile", |item| item.choice(&profiles, &[]));
     let radius = table.get("radius", Item::length);
     let neighbours = table.get("neighbours", |item| item.u32(1));
     let pilot = table.get("pilot", |item| item.u32(5));

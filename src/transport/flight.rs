@@ -8,7 +8,8 @@ use crate::medium::Medium;
 use crate::medium::density::Density;
 
 /// What is counted on the way and reported in the end.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, serde::Serialize, serde::Deserialize)]
+#[serde(default)]
 pub struct Tally {
     /// Look-ups that found more than the majorant promised.
     pub violations: u64,
