@@ -156,7 +156,11 @@ struct Path {
 
 impl Path {
     fn component(&self, straight_from_light: bool) -> Component {
-        match (self.first, self.events) {
+        Self::component_of(self.first, self.events, straight_from_light)
+    }
+
+    fn component_of(first: Option<First>, events: u64, straight_from_light: bool) -> Component {
+        match (first, events) {
             (None, _) if straight_from_light => Component::Emission,
             (None, _) => Component::VolumeEmission,
             (Some(First::Specular), _) => Component::Specular,
@@ -589,9 +593,7 @@ impl Passage<'_, '_, '_> {
         }
         let towards = Ray::new(point, draw.arrival.direction);
         transmit(scene, towards, segment.inside, draw.arrival.distance, &mut weight, self.context.stream);
-        let mut once = self.path.clone();
-        once.events += 1;
-        once.first.get_or_insert(First::Medium);
-        self.sample.radiance[once.component(true) as usize] += weight;
+        let first = self.path.first.or(Some(First::Medium));
+        self.sample.radiance[Path::component_of(first, self.path.events + 1, true) as usize] += weight;
     }
 }
