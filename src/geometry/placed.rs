@@ -274,7 +274,8 @@ impl Placed {
             Shape::Mesh(m) => m.sample(u),
         };
         let normal = self.normal_to_world(self.local_normal(local, primitive));
-        (self.to_world.transform_point3(local), normal, self.pdf_area(normal))
+        let point = if self.identity { local } else { self.to_world.transform_point3(local) };
+        (point, normal, self.pdf_area(normal))
     }
 
     /// The density of [`Placed::sample_area`] where the outward unit normal is `normal`: uniform where

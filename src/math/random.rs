@@ -61,7 +61,9 @@ impl Spread {
 #[derive(Clone, Debug)]
 pub struct Stream {
     random: Pcg64Mcg,
+    /// The point, before it is scrambled by the key.
     point: [u32; DIMENSIONS],
+    key: u64,
     /// The dimensions of the point that were not drawn yet.
     left: u16,
     /// Those that the next draws take.
@@ -154,26 +156,20 @@ impl Stream {
         let mut bytes = [0; 16];
         bytes[..8].copy_from_slice(&low.to_le_bytes());
         bytes[8..].copy_from_slice(&high.to_le_bytes());
-        Stream { random: Pcg64Mcg::from_seed(bytes), point: [0; DIMENSIONS], left: 0, open: 0 }
+        Stream { random: Pcg64Mcg::from_seed(bytes), point: [0; DIMENSIONS], key: 0, left: 0, open: 0 }
     }
 
     /// The stream of sample `sample` of a pass through a pixel; `number` counts the samples of all passes. Whatever
     /// their number, samples from 0 on are spread evenly, those of different passes and pixels independently.
     pub fn of_sample(seed: u64, pixel: u64, number: u64, (pass, sample): (u32, u32)) -> Self {
         let mut stream = Stream::new(seed, Purpose::Camera, pixel, number);
-        let mut key = mix(mix(mix(mix(seed) ^ Purpose::Pixel as u64) ^ pixel) ^ pass as u64);
+        stream.key = mix(mix(mix(mix(seed) ^ Purpose::Pixel as u64) ^ pixel) ^ pass as u64);
         let mut bits = sample;
         while bits != 0 {
             let row = &DIRECTIONS[bits.trailing_zeros() as usize];
             stream.point.iter_mut().zip(row).for_each(|(x, direction)| *x ^= direction);
             bits &= bits - 1;
         }
-        let mut keys = [0; DIMENSIONS];
-        for pair in keys.chunks_exact_mut(2) {
-            key = mix(key);
-            (pair[0], pair[1]) = (key as u32, (key >> 32) as u32);
-        }
-        stream.point.iter_mut().zip(keys).for_each(|(x, key)| *x = scramble(*x, key));
         stream.left = !0;
         stream
     }
@@ -192,7 +188,10 @@ impl Stream {
         let dimension = self.open.trailing_zeros();
         self.open &= self.open - 1;
         self.left &= !(1 << dimension);
-        (self.point[dimension as usize] as u64) << 32 | random >> 32
+        let key = mix(self.key ^ dimension as u64);
+        // The hash alone is not quite uniform over its keys; the shift makes each number exactly so.
+        let x = scramble(self.point[dimension as usize], key as u32) ^ (key >> 32) as u32;
+        (x as u64) << 32 | random >> 32
     }
 
     /// Uniform in [0, 1), a multiple of 2⁻⁵³.

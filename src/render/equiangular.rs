@@ -118,13 +118,8 @@ impl Stretch {
     }
 }
 
-/// Draws a light, a point on it, and a distance on the stretch for them.
-pub fn draw(scene: &Scene, stretch: &Stretch, stream: &mut Stream) -> Option<Draw> {
-    let total = stretch.total_importance(scene);
-    if total.is_nan() || total <= 0.0 {
-        return None;
-    }
-    let mut left = stream.uniform() * total;
+/// The light at `left` of the way through the lights' importances, and the probability of drawing it.
+fn choose<'s>(scene: &'s Scene, stretch: &Stretch, mut left: f64, total: f64) -> Option<(usize, &'s Light, f64)> {
     let mut chosen = None;
     for (index, light) in scene.lights.iter().enumerate() {
         let importance = stretch.importance(light);
@@ -136,7 +131,19 @@ pub fn draw(scene: &Scene, stretch: &Stretch, stream: &mut Stream) -> Option<Dra
         }
         left -= importance;
     }
-    let (index, light, choice) = chosen?;
+    chosen
+}
+
+/// Draws a light, a point on it, and a distance on the stretch for them.
+pub fn draw(scene: &Scene, stretch: &Stretch, stream: &mut Stream) -> Option<Draw> {
+    let total = stretch.total_importance(scene);
+    if total.is_nan() || total <= 0.0 {
+        return None;
+    }
+    let (index, light, choice) = match &scene.lights[..] {
+        [light] => (0, light, 1.0),
+        _ => choose(scene, stretch, stream.uniform() * total, total)?,
+    };
     match light {
         Light::Area(area) => {
             let sample = scene.geometry.sample_area(area.shape, stream.uniform2());

@@ -103,7 +103,7 @@ const BRIGHTEST: f64 = 1e30;
 /// Eye weights below this are thinned by roulette where photons are gathered.
 const FAINT: f64 = 0.25;
 
-/// The same for paths. Roulette at every event instead, by albedo, took 2.2 times the time for the same error in a
+/// The same for paths. Roulette at every event instead, by albedo, took 1.7 times the time for the same error in a
 /// room of fog of albedo 1/2 and a third more in smoke; between 0.1 and 0.25 the difference is small.
 const FAINT_PATH: f64 = 0.15;
 
