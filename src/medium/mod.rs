@@ -88,5 +88,6 @@ impl Medium {
 
 /// e^{−σ D} per channel; 1 in a channel without extinction, however deep.
 pub fn transmittance(extinction: Rgb, depth: f64) -> Rgb {
-    extinction.map(|sigma| if sigma == 0.0 { 1.0 } else { (-sigma * depth).exp() })
+    let passed = |sigma: f64| if sigma == 0.0 { 1.0 } else { (-sigma * depth).exp() };
+    if extinction == Rgb::splat(extinction.x) { Rgb::splat(passed(extinction.x)) } else { extinction.map(passed) }
 }

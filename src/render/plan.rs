@@ -193,8 +193,7 @@ fn extent_of_media(scene: &Scene) -> f64 {
 fn pilot_ray(scene: &Scene, camera: &Camera, stream: &mut Stream) -> (crate::math::Ray, Inside) {
     let x = (stream.uniform() * scene.film.width as f64) as u32;
     let y = (stream.uniform() * scene.film.height as f64) as u32;
-    let place = stream.uniform2();
-    let ray = camera.ray(x, y, place, stream);
+    let ray = camera.ray(x, y, stream);
     (ray, scene.inside(ray.origin))
 }
 

@@ -84,7 +84,10 @@ impl Phase {
 
     /// Its value for light that travelled along `before` and goes on along `after`.
     pub fn between(&self, before: DVec3, after: DVec3) -> f64 {
-        self.value(Deflection::between(before, after))
+        match self {
+            Phase::Isotropic(p) => p.value(),
+            _ => self.value(Deflection::between(before, after)),
+        }
     }
 
     /// A deflection drawn from it, for `u` in [0, 1).
