@@ -177,6 +177,7 @@ fn lanes(phase: &Phase) -> PhaseLanes {
         Phase::HenyeyGreenstein(p) => Lobe::HenyeyGreenstein(p.g),
         Phase::Schlick(p) => Lobe::Schlick(p.k),
         Phase::Rayleigh(_) => Lobe::Rayleigh,
+        Phase::Draine(p) => Lobe::Draine(p.g, p.alpha),
         Phase::Isotropic(_) | Phase::Mixture(_) => Lobe::Isotropic,
     };
     match phase {
