@@ -312,7 +312,9 @@ mod tests {
         let lobes = |g: f64, alpha: f64, weight: f64| {
             [(1.0 - weight, Lobe::HenyeyGreenstein(g)), (weight, Lobe::Draine(0.6 * g, alpha))]
         };
-        for lobes in [lobes(0.998, 32.3, 0.508), lobes(0.97, 17.0, 0.448), lobes(-0.9, 250.0, 0.3), lobes(0.0, 250.0, 1.0)] {
+        for lobes in
+            [lobes(0.998, 32.3, 0.508), lobes(0.97, 17.0, 0.448), lobes(-0.9, 250.0, 0.3), lobes(0.0, 250.0, 1.0)]
+        {
             let PhaseLanes(Kind::Sum(terms)) = PhaseLanes::mixture(&lobes) else { panic!("one lobe") };
             for isa in Isa::available() {
                 let found = isa.run(Values { sum: Sum::new(&terms, omega), directions: &directions });

@@ -203,6 +203,17 @@ pub enum Unit {
     Metre,
 }
 
+impl Unit {
+    /// How many metres it is.
+    pub fn metres(self) -> f64 {
+        match self {
+            Unit::Millimetre => 1e-3,
+            Unit::Centimetre => 1e-2,
+            Unit::Metre => 1.0,
+        }
+    }
+}
+
 /// `[media.*]`
 #[derive(Clone, Debug, PartialEq)]
 pub struct Medium {
@@ -253,6 +264,11 @@ pub enum Phase {
     },
     /// Rayleigh's, for particles far smaller than the wavelength.
     Rayleigh,
+    /// That of water droplets.
+    Mie {
+        /// Their diameter in micrometres, in (0, 50].
+        diameter: f64,
+    },
     /// A weighted sum of phase functions that are no mixtures themselves; weights at least 0, sum 1.
     Mixture(Vec<(f64, Phase)>),
 }
@@ -297,6 +313,17 @@ pub enum Density {
         scale_height: f64,
         /// The density at height 0 and below, at least 0.
         value: f64,
+    },
+    /// Fractal noise, defined in all space; only what solids are filled with can have it.
+    Noise {
+        /// The size of the coarsest features, above 0.
+        scale: f64,
+        /// The number of octaves, each half as large and half as strong as the one before; at least 1.
+        octaves: u32,
+        /// Noise below this is empty space; in [0, 1).
+        threshold: f64,
+        /// Another seed, another noise.
+        seed: u32,
     },
 }
 

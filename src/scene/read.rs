@@ -13,7 +13,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::description::{
-    Camera, Description, Document, Film, Filter, Kernel, Method, Photons, Render, ToneMap, Unit, Volume, World,
+    Camera, Density, Description, Document, Film, Filter, Kernel, Method, Photons, Render, ToneMap, Unit, Volume, World,
 };
 use super::table::{Item, Problems, Read, Table, unit};
 use super::{overrides, tree};
@@ -102,8 +102,21 @@ fn describe(root: &Table, path: &Path) -> Read<Description> {
         media: media_items.iter().map(|(name, _)| *name).collect(),
         materials: material_items.iter().map(|(name, _)| *name).collect(),
     };
-    let world = world_table.and_then(|table| world(&table, &names));
-    let media = all(&media_items, |(name, item)| media::medium(name, item, &names));
+    let world_table = world_table?;
+    let world = world(&world_table, &names);
+    let unit = world.as_ref().map_or(Unit::Metre, |world| world.unit);
+    let media = all(&media_items, |(name, item)| media::medium(name, item, &names, unit));
+    if let (Ok(World { medium: Some(medium), .. }), Ok(media)) = (&world, &media)
+        && matches!(media[medium.value].density, Density::Noise { .. })
+    {
+        return Err(world_table.fail_at(
+            "medium",
+            format!(
+                "{:?} has a density of noise, which has no end; expected it as the `interior` of shapes",
+                media[medium.value].name
+            ),
+        ));
+    }
     let materials = all(&material_items, |(name, item)| materials::material(name, item));
     let shapes = shapes::shapes(&shape_items?.unwrap_or_default(), &names);
     let lights = lights::lights(&light_items?.unwrap_or_default(), &names);

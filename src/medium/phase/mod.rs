@@ -156,7 +156,8 @@ mod tests {
             (0.2, Phase::HenyeyGreenstein(HenyeyGreenstein { g: -0.5 })),
         ];
         // Mean cosines by quadrature over the textbook form.
-        for (g, alpha) in [(0.0, 1.0), (1e-8, 250.0), (0.3, 0.0), (0.6, 30.0), (-0.6, 30.0), (0.99, 1.0), (0.0, 250.0)] {
+        for (g, alpha) in [(0.0, 1.0), (1e-8, 250.0), (0.3, 0.0), (0.6, 30.0), (-0.6, 30.0), (0.99, 1.0), (0.0, 250.0)]
+        {
             let n = 1_000_000;
             let [sum, cosines] = (0..n).fold([0.0; 2], |[sum, cosines], i| {
                 let c = 2.0 * (i as f64 + 0.5) / n as f64 - 1.0;
