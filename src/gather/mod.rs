@@ -8,4 +8,4 @@ mod volume;
 pub use beam::{BeamQuery, GatherStats, Gathered};
 pub use depth::DepthTable;
 pub use phase::{Lobe, PhaseLanes};
-pub use volume::{Scratch, VolumeMaps, emitted};
+pub use volume::{Queue, Reach, VolumeMaps, emitted};

@@ -14,14 +14,58 @@ use crate::photon::PhotonMap;
 pub struct VolumeMaps {
     maps: Vec<Option<PhotonMap>>,
     phases: Vec<PhaseLanes>,
+    extinctions: Vec<Vec3>,
 }
 
-/// Memory that a thread reuses from segment to segment.
-#[derive(Debug, Default)]
-pub struct Scratch {
+/// A stretch of an eye ray through a medium.
+#[derive(Clone, Copy, Debug)]
+pub struct Reach {
+    /// The ray.
+    pub ray: Ray,
+    /// Where on it the stretch begins.
+    pub a: f64,
+    /// Where it ends; perhaps at infinity.
+    pub b: f64,
+    /// The medium: an index into the scene's.
+    pub medium: u32,
+    /// The region whose photons count.
+    pub region: u32,
+    /// Only photons with at most this many events count; 255 for all.
+    pub max_events: u8,
+    /// Whether it lies on a ray from the camera: stretches queued one after the other are then close to
+    /// one another, and gather together.
+    pub from_camera: bool,
+}
+
+/// Stretches that wait to be gathered, each for an owner, and those that are done; memory that a thread
+/// reuses.
+#[derive(Debug)]
+pub struct Queue<O> {
+    bundles: Vec<(Reach, O)>,
+    streams: Vec<(Reach, O)>,
+    done: Vec<(O, Gathered)>,
     table: DepthTable,
     /// What was counted.
     pub stats: GatherStats,
+}
+
+impl<O> Default for Queue<O> {
+    fn default() -> Self {
+        Queue {
+            bundles: Vec::new(),
+            streams: Vec::new(),
+            done: Vec::new(),
+            table: DepthTable::new(),
+            stats: GatherStats::default(),
+        }
+    }
+}
+
+impl<O> Queue<O> {
+    /// The owners whose stretches are done, with what was gathered for them.
+    pub fn done(&self) -> &[(O, Gathered)] {
+        &self.done
+    }
 }
 
 /// Optical depth may grow by this much between two knots of a depth table.
@@ -33,7 +77,11 @@ const EXPONENTIAL_KNOTS: usize = 256;
 impl VolumeMaps {
     /// From the maps of all regions, in their order, and all media.
     pub fn new(maps: Vec<Option<PhotonMap>>, media: &[Medium]) -> Self {
-        VolumeMaps { maps, phases: media.iter().map(|medium| lanes(&medium.phase)).collect() }
+        VolumeMaps {
+            maps,
+            phases: media.iter().map(|medium| lanes(&medium.phase)).collect(),
+            extinctions: media.iter().map(|medium| medium.extinction.as_vec3()).collect(),
+        }
     }
 
     /// The maps that hold photons.
@@ -46,48 +94,69 @@ impl VolumeMaps {
         self.maps.iter().enumerate().filter_map(|(region, map)| Some((region as u32, map.as_ref()?)))
     }
 
-    /// The light scattered or emitted towards `ray`'s origin on its stretch from `a` to `b`, as radiance at
-    /// `a`: what photons with at most `max_events` events say. Second, the transmittance of the stretch.
-    pub fn gather(
-        &self,
-        (index, medium): (u32, &Medium),
-        region: u32,
-        ray: &Ray,
-        (a, b): (f64, f64),
-        max_events: u8,
-        scratch: &mut Scratch,
-    ) -> (Gathered, Rgb) {
-        let Scratch { table, stats } = scratch;
-        let map = self.maps[region as usize].as_ref();
+    /// Gathers a stretch for its owner, if it has one, at once or when the queue is told to. Returns the
+    /// transmittance of the stretch.
+    pub fn gather<O>(&self, medium: &Medium, reach: Reach, owner: Option<O>, queue: &mut Queue<O>) -> Rgb {
+        let Reach { ray, a, b, .. } = reach;
+        let map = self.maps[reach.region as usize].as_ref();
         // No photon reaches beyond the box around all discs.
-        let reach = map.and_then(|map| map.bounds().clip(ray, a, b)).map(|(_, end)| end);
+        let met = map.and_then(|map| map.bounds().clip(&ray, a, b)).map(|(_, end)| end);
+        let (Some(map), Some(end), Some(owner)) = (map, met, owner) else {
+            return medium.transmittance(medium.density.depth(&ray, a, b));
+        };
         let depth = match &medium.density {
-            Density::Grid(_) if reach.is_some() => {
-                tabulate(medium, ray, a, b, table);
-                table.total()
+            Density::Uniform => {
+                let waiting = if reach.from_camera { &mut queue.bundles } else { &mut queue.streams };
+                waiting.push((reach, owner));
+                return medium.transmittance(medium.density.depth(&ray, a, b));
             }
-            Density::Exponential(_) if reach.is_some() => {
-                tabulate(medium, ray, a, reach.unwrap_or(a), table);
-                medium.density.depth(ray, a, b)
+            Density::Grid(_) => {
+                tabulate(medium, &ray, a, b, &mut queue.table);
+                queue.table.total()
             }
-            _ => medium.density.depth(ray, a, b),
+            Density::Exponential(_) => {
+                tabulate(medium, &ray, a, end, &mut queue.table);
+                medium.density.depth(&ray, a, b)
+            }
         };
-        let gathered = match (map, reach) {
-            (Some(map), Some(_)) => {
-                let query = BeamQuery {
-                    origin: ray.at(a),
-                    direction: ray.direction,
-                    length: (b - a) as f32,
-                    phase: &self.phases[index as usize],
-                    extinction: medium.extinction.as_vec3(),
-                    depth: (!matches!(medium.density, Density::Uniform)).then_some(&*table),
-                    max_events,
-                };
-                map.gather(&query, stats)
-            }
-            _ => Gathered::default(),
-        };
-        (gathered, medium.transmittance(depth))
+        let query = BeamQuery { depth: Some(&queue.table), ..self.query(&reach) };
+        queue.done.push((owner, map.gather(&query, &mut queue.stats)));
+        medium.transmittance(depth)
+    }
+
+    /// Gathers what waits of camera rays close to one another.
+    pub fn gather_bundles<O>(&self, queue: &mut Queue<O>) {
+        let mut waiting = std::mem::take(&mut queue.bundles);
+        for (reach, owner) in waiting.drain(..) {
+            queue.done.extend(self.gather_one(&reach, &mut queue.stats).map(|gathered| (owner, gathered)));
+        }
+        queue.bundles = waiting;
+    }
+
+    /// Gathers what waits of rays anywhere.
+    pub fn gather_streams<O>(&self, queue: &mut Queue<O>) {
+        let mut waiting = std::mem::take(&mut queue.streams);
+        for (reach, owner) in waiting.drain(..) {
+            queue.done.extend(self.gather_one(&reach, &mut queue.stats).map(|gathered| (owner, gathered)));
+        }
+        queue.streams = waiting;
+    }
+
+    fn gather_one(&self, reach: &Reach, stats: &mut GatherStats) -> Option<Gathered> {
+        Some(self.maps[reach.region as usize].as_ref()?.gather(&self.query(reach), stats))
+    }
+
+    /// A query without a table of depths.
+    fn query(&self, reach: &Reach) -> BeamQuery<'_> {
+        BeamQuery {
+            origin: reach.ray.at(reach.a),
+            direction: reach.ray.direction,
+            length: (reach.b - reach.a) as f32,
+            phase: &self.phases[reach.medium as usize],
+            extinction: self.extinctions[reach.medium as usize],
+            depth: None,
+            max_events: reach.max_events,
+        }
     }
 }
 

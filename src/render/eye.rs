@@ -8,7 +8,7 @@ use std::f64::consts::PI;
 use std::ops::ControlFlow;
 
 use super::equiangular::{self, Stretch};
-use crate::gather::{self, Scratch, VolumeMaps};
+use crate::gather::{self, Gathered, Queue, Reach, VolumeMaps};
 use crate::light::Light;
 use crate::math::{DVec3, Ray, Rgb, Stream};
 use crate::medium::{Emission, Medium};
@@ -168,10 +168,43 @@ impl Path {
 pub struct Context<'c> {
     /// Its random numbers.
     pub stream: &'c mut Stream,
-    /// Reused memory.
-    pub scratch: &'c mut Scratch,
+    /// Stretches that wait for light from photons.
+    pub queue: &'c mut Queue<Claim>,
+    /// The pixel that claims are made for, by the caller's count.
+    pub pixel: u32,
     /// Counts.
     pub tally: &'c mut Tally,
+}
+
+/// What becomes of the light that a stretch gathers. No path waits for it: it is added to the pixel when it
+/// is known.
+#[derive(Clone, Copy, Debug)]
+pub struct Claim {
+    /// The pixel it is for.
+    pub pixel: u32,
+    weight: Rgb,
+    /// Where light goes that was scattered once, and all other.
+    components: [Component; 2],
+}
+
+impl Claim {
+    /// The radiance that is due, by component; none where it is beyond what images hold, which is counted.
+    pub fn settle(&self, gathered: &Gathered, tally: &mut Tally) -> [(Component, Rgb); 2] {
+        let (total, single) = gathered.rgb();
+        let mut due = [self.weight * single, self.weight * (total - single)];
+        check(&mut due, tally);
+        [(self.components[0], due[0]), (self.components[1], due[1])]
+    }
+}
+
+/// Drops radiance that is not finite or beyond what images hold.
+fn check(radiances: &mut [Rgb], tally: &mut Tally) {
+    for radiance in radiances {
+        if !radiance.is_finite() || radiance.max_element() > BRIGHTEST {
+            tally.broken += 1;
+            *radiance = Rgb::ZERO;
+        }
+    }
 }
 
 impl<'s> Eye<'s> {
@@ -180,18 +213,18 @@ impl<'s> Eye<'s> {
         Eye { scene, mode }
     }
 
+    /// How it deals with media.
+    pub fn mode(&self) -> Mode<'s> {
+        self.mode
+    }
+
     /// What is seen along `ray`, which starts inside these solids.
     pub fn look(&self, ray: Ray, inside: Inside, context: &mut Context<'_>) -> Sample {
         let mut sample = Sample::default();
         let path = Path { weight: Rgb::ONE, events: 0, first: None, previous: Previous::Specular };
         let split = matches!(self.mode, Mode::Split);
         self.follow(Walk::start(self.scene, ray, inside), path, split, &mut sample, context);
-        for radiance in &mut sample.radiance {
-            if !radiance.is_finite() || radiance.max_element() > BRIGHTEST {
-                context.tally.broken += 1;
-                *radiance = Rgb::ZERO;
-            }
-        }
+        check(&mut sample.radiance, context.tally);
         sample
     }
 
@@ -450,20 +483,26 @@ impl Passage<'_, '_, '_> {
         let most = scene.render.max_depth as u64;
         let allowed = most.checked_sub(self.path.events + 1);
         let max_events = if most == 0 { u8::MAX } else { allowed.map_or(0, |events| events.min(255) as u8) };
-        let region = scene.region(segment.inside);
-        let gathers = most == 0 || allowed.is_some();
-        let (gathered, passed) =
-            maps.gather((segment.medium, medium), region, segment.ray, range, max_events, self.context.scratch);
-        if gathers {
-            let (total, single) = gathered.rgb();
-            let (first, second) = match self.path.first {
-                None => (Component::VolumeSingle, Component::VolumeMultiple),
-                Some(First::Specular) => (Component::Specular, Component::Specular),
-                Some(_) => (Component::Indirect, Component::Indirect),
-            };
-            self.sample.radiance[first as usize] += self.path.weight * single;
-            self.sample.radiance[second as usize] += self.path.weight * (total - single);
-        }
+        let components = match self.path.first {
+            None => [Component::VolumeSingle, Component::VolumeMultiple],
+            Some(First::Specular) => [Component::Specular; 2],
+            Some(_) => [Component::Indirect; 2],
+        };
+        let claim = (most == 0 || allowed.is_some()).then_some(Claim {
+            pixel: self.context.pixel,
+            weight: self.path.weight,
+            components,
+        });
+        let reach = Reach {
+            ray: *segment.ray,
+            a: segment.a,
+            b: segment.b,
+            medium: segment.medium,
+            region: scene.region(segment.inside),
+            max_events,
+            from_camera: self.path.events == 0,
+        };
+        let passed = maps.gather(medium, reach, claim, self.context.queue);
         self.path.weight *= passed;
     }
 

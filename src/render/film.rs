@@ -70,6 +70,11 @@ impl Sums {
         }
         self.samples += 1;
     }
+
+    /// Adds light that a sample was still waiting for.
+    pub fn add_to(&mut self, component: Component, radiance: Rgb) {
+        self.components[component as usize] += radiance;
+    }
 }
 
 impl Film {

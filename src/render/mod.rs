@@ -6,9 +6,10 @@ mod eye;
 mod film;
 mod pass;
 mod plan;
+mod tile;
 
 pub use camera::Camera;
-pub use eye::{Component, Context, Eye, Mode, Sample};
+pub use eye::{Claim, Component, Context, Eye, Mode, Sample};
 pub use film::{Film, Layers, Sums};
 pub use pass::{Progress, Rendering, Silent, Stats, render};
 pub use plan::Plan;

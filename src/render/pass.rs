@@ -3,15 +3,11 @@
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Instant;
 
-use rayon::prelude::*;
-
 use super::camera::Camera;
-use super::eye::{Context, Eye, Mode};
-use super::film::{Film, Layers, Sums};
+use super::eye::Mode;
+use super::film::{Film, Layers};
 use super::plan::Plan;
-use crate::gather::{GatherStats, Scratch, VolumeMaps};
-use crate::math::Stream;
-use crate::math::random::Purpose;
+use crate::gather::{GatherStats, VolumeMaps};
 use crate::medium::Medium;
 use crate::medium::density::Density;
 use crate::photon::{self, MapSettings, Photon, PhotonMap, Radii, walls};
@@ -76,12 +72,6 @@ pub struct Stats {
     pub tally: Tally,
 }
 
-/// Pixels along the edge of a tile.
-const TILE: u32 = 16;
-
-/// The golden ratio's relatives for two dimensions (Roberts 2018): samples of a pixel spread evenly.
-const SPREAD: [f64; 2] = [0.754_877_666_246_692_7, 0.569_840_290_998_053_2];
-
 /// Renders a scene on the current thread pool. `stop` ends it early, with what there is by then.
 ///
 /// # Errors
@@ -121,25 +111,18 @@ fn film(scene: &Scene) -> Result<Film> {
 }
 
 /// A render under way.
-struct Renderer<'s, P> {
-    scene: &'s Scene,
-    camera: Camera,
-    plan: Plan,
-    progress: &'s P,
-    stop: &'s AtomicBool,
-    film: Film,
-    stats: Stats,
+pub(super) struct Renderer<'s, P> {
+    pub(super) scene: &'s Scene,
+    pub(super) camera: Camera,
+    pub(super) plan: Plan,
+    pub(super) progress: &'s P,
+    pub(super) stop: &'s AtomicBool,
+    pub(super) film: Film,
+    pub(super) stats: Stats,
     warnings: Vec<String>,
 }
 
-/// A tile's sums by pixel, and what they cost.
-type Tile = (Vec<(u32, u32, Sums)>, GatherStats, Tally);
-
 impl<P: Progress> Renderer<'_, P> {
-    fn stopped(&self) -> bool {
-        self.stop.load(Ordering::Relaxed)
-    }
-
     /// One pass. Returns whether it came to its end.
     fn pass(&mut self, pass: u32) -> bool {
         let maps = match self.plan.method {
@@ -220,60 +203,6 @@ impl<P: Progress> Renderer<'_, P> {
         self.stats.radii = radii(&maps);
         self.stats.build_seconds += start.elapsed().as_secs_f64();
         maps
-    }
-
-    /// Samples all pixels, in rounds of ever more samples, so that an interrupted image is whole.
-    fn expose(&mut self, mode: Mode<'_>, pass: u32) {
-        let (width, height) = (self.scene.film.width, self.scene.film.height);
-        let tiles = width.div_ceil(TILE) * height.div_ceil(TILE);
-        self.progress.phase("render", tiles as u64 * self.plan.samples as u64);
-        let eye = Eye::new(self.scene, mode);
-        let mut from = 0;
-        while from < self.plan.samples && !self.stopped() {
-            let to = self.plan.samples.min(if from == 0 { 1 } else { 4 * from });
-            let done: Vec<Option<Tile>> = (0..tiles)
-                .into_par_iter()
-                .map(|tile| (!self.stopped()).then(|| self.tile(&eye, tile, pass, from, to)))
-                .collect();
-            for (sums, gathered, tally) in done.into_iter().flatten() {
-                sums.iter().for_each(|(x, y, sum)| self.film.add(*x, *y, sum));
-                self.stats.gather += gathered;
-                self.stats.tally = self.stats.tally.merge(tally);
-            }
-            from = to;
-        }
-    }
-
-    /// Samples number `from` to `to` of the pixels of a tile.
-    fn tile(&self, eye: &Eye<'_>, tile: u32, pass: u32, from: u32, to: u32) -> Tile {
-        let Renderer { scene, camera, plan, .. } = self;
-        let (width, height) = (scene.film.width, scene.film.height);
-        let columns = width.div_ceil(TILE);
-        let (x0, y0) = (tile % columns * TILE, tile / columns * TILE);
-        let (x1, y1) = ((x0 + TILE).min(width), (y0 + TILE).min(height));
-        let mut scratch = Scratch::default();
-        let mut tally = Tally::default();
-        let mut sums = Vec::with_capacity(((x1 - x0) * (y1 - y0)) as usize);
-        for (x, y) in (y0..y1).flat_map(|y| (x0..x1).map(move |x| (x, y))) {
-            if self.stopped() {
-                break;
-            }
-            let pixel = y as u64 * width as u64 + x as u64;
-            let offset = Stream::new(scene.render.seed, Purpose::Pixel, pixel, pass as u64).uniform2();
-            let mut sum = Sums::default();
-            for sample in from..to {
-                let number = pass as u64 * plan.samples as u64 + sample as u64;
-                let mut stream = Stream::new(scene.render.seed, Purpose::Camera, pixel, number);
-                let place = std::array::from_fn(|i| (offset[i] + SPREAD[i] * sample as f64).fract());
-                let ray = camera.ray(x, y, place, &mut stream);
-                let inside = plan.inside.clone().unwrap_or_else(|| scene.inside(ray.origin));
-                let mut context = Context { stream: &mut stream, scratch: &mut scratch, tally: &mut tally };
-                sum.add(&eye.look(ray, inside, &mut context));
-            }
-            sums.push((x, y, sum));
-        }
-        self.progress.advance((to - from) as u64);
-        (sums, scratch.stats, tally)
     }
 }
 

@@ -1,0 +1,125 @@
+//! Samples through the pixels of a tile.
+
+use std::sync::atomic::Ordering;
+
+use rayon::prelude::*;
+
+use super::eye::{Claim, Context, Eye, Mode};
+use super::film::Sums;
+use super::pass::{Progress, Renderer};
+use crate::gather::{GatherStats, Queue};
+use crate::math::Stream;
+use crate::math::random::Purpose;
+use crate::transport::Tally;
+
+/// Pixels along the edge of a tile, the work of one task.
+const TILE: u32 = 16;
+
+/// Pixels along the edge of a bundle: its camera rays gather photons together.
+const BUNDLE: u32 = 8;
+
+/// Samples a pixel takes before its neighbours' turn, at most.
+const ROUND: u32 = 16;
+
+/// The golden ratio's relatives for two dimensions (Roberts 2018): samples of a pixel spread evenly.
+const SPREAD: [f64; 2] = [0.754_877_666_246_692_7, 0.569_840_290_998_053_2];
+
+/// Sums of a tile's pixels, and what they cost.
+struct Tile {
+    sums: Vec<(u32, u32, Sums)>,
+    gathered: GatherStats,
+    tally: Tally,
+}
+
+impl<P: Progress> Renderer<'_, P> {
+    /// Samples all pixels, in rounds, the first of them short, so that an interrupted image is whole.
+    pub(super) fn expose(&mut self, mode: Mode<'_>, pass: u32) {
+        let (width, height) = (self.scene.film.width, self.scene.film.height);
+        let tiles = width.div_ceil(TILE) * height.div_ceil(TILE);
+        self.progress.phase("render", tiles as u64 * self.plan.samples as u64);
+        let eye = Eye::new(self.scene, mode);
+        let mut from = 0;
+        while from < self.plan.samples && !self.stopped() {
+            let round = if pass == 0 && from == 0 { 1 } else { ROUND };
+            let to = self.plan.samples.min(from + round);
+            let done: Vec<Option<Tile>> = (0..tiles)
+                .into_par_iter()
+                .map(|tile| (!self.stopped()).then(|| self.tile(&eye, tile, pass, from, to)))
+                .collect();
+            for tile in done.into_iter().flatten() {
+                tile.sums.iter().for_each(|(x, y, sum)| self.film.add(*x, *y, sum));
+                self.stats.gather += tile.gathered;
+                self.stats.tally = self.stats.tally.merge(tile.tally);
+            }
+            from = to;
+        }
+    }
+
+    /// Samples number `from` to `to` of the pixels of a tile.
+    fn tile(&self, eye: &Eye<'_>, tile: u32, pass: u32, from: u32, to: u32) -> Tile {
+        let (width, height) = (self.scene.film.width, self.scene.film.height);
+        let columns = width.div_ceil(TILE);
+        let (x0, y0) = (tile % columns * TILE, tile / columns * TILE);
+        let mut queue = Queue::default();
+        let mut done = Tile { sums: Vec::new(), gathered: GatherStats::default(), tally: Tally::default() };
+        for part in 0..(TILE / BUNDLE).pow(2) {
+            let (x0, y0) = (x0 + part % (TILE / BUNDLE) * BUNDLE, y0 + part / (TILE / BUNDLE) * BUNDLE);
+            for index in 0..BUNDLE * BUNDLE {
+                let (x, y) = (x0 + every_second_bit(index), y0 + every_second_bit(index >> 1));
+                if x < width && y < height && !self.stopped() {
+                    self.pixel(eye, (x, y), pass, from..to, &mut queue, &mut done);
+                }
+            }
+            if let Mode::Gather(maps) = eye.mode() {
+                maps.gather_bundles(&mut queue);
+            }
+        }
+        if let Mode::Gather(maps) = eye.mode() {
+            maps.gather_streams(&mut queue);
+            for (claim, gathered) in queue.done() {
+                for (component, radiance) in claim.settle(gathered, &mut done.tally) {
+                    done.sums[claim.pixel as usize].2.add_to(component, radiance);
+                }
+            }
+            done.gathered = queue.stats;
+        }
+        self.progress.advance((to - from) as u64);
+        done
+    }
+
+    fn pixel(
+        &self,
+        eye: &Eye<'_>,
+        (x, y): (u32, u32),
+        pass: u32,
+        samples: std::ops::Range<u32>,
+        queue: &mut Queue<Claim>,
+        done: &mut Tile,
+    ) {
+        let Renderer { scene, camera, plan, .. } = self;
+        let pixel = y as u64 * scene.film.width as u64 + x as u64;
+        let offset = Stream::new(scene.render.seed, Purpose::Pixel, pixel, pass as u64).uniform2();
+        let mut sum = Sums::default();
+        for sample in samples {
+            let number = pass as u64 * plan.samples as u64 + sample as u64;
+            let mut stream = Stream::new(scene.render.seed, Purpose::Camera, pixel, number);
+            let place = std::array::from_fn(|i| (offset[i] + SPREAD[i] * sample as f64).fract());
+            let ray = camera.ray(x, y, place, &mut stream);
+            let inside = plan.inside.clone().unwrap_or_else(|| scene.inside(ray.origin));
+            let index = done.sums.len() as u32;
+            let mut context = Context { stream: &mut stream, queue, pixel: index, tally: &mut done.tally };
+            sum.add(&eye.look(ray, inside, &mut context));
+        }
+        done.sums.push((x, y, sum));
+    }
+
+    /// Whether the render is to end.
+    pub(super) fn stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+}
+
+/// The number made of bits 0, 2 and 4: one coordinate of a Morton code.
+fn every_second_bit(code: u32) -> u32 {
+    code & 1 | code >> 1 & 2 | code >> 2 & 4
+}
