@@ -14,8 +14,8 @@ use crate::math::{DVec3, Ray, Rgb, Stream};
 use crate::medium::{Emission, Medium};
 use crate::scene::{Inside, Scene};
 use crate::transport::{
-    self, Crossing, Interaction, Reflection, Segment, Side, Stop, Tally, Visitor, Walk, light_density, shares, survive,
-    transmit,
+    self, Crossing, Ember, Glows, Interaction, Reflection, Rival, Segment, Side, Stop, Tally, Visitor, Walk,
+    light_density, shares, survive, transmit,
 };
 
 /// The components of light transport, by the first event on the eye's side.
@@ -107,6 +107,7 @@ const FAINT: f64 = 0.25;
 pub struct Eye<'s> {
     scene: &'s Scene,
     mode: Mode<'s>,
+    glows: Glows<'s>,
 }
 
 /// Which kind of event came first.
@@ -210,7 +211,7 @@ fn check(radiances: &mut [Rgb], tally: &mut Tally) {
 impl<'s> Eye<'s> {
     /// An eye in a scene.
     pub fn new(scene: &'s Scene, mode: Mode<'s>) -> Self {
-        Eye { scene, mode }
+        Eye { scene, mode, glows: Glows::new(scene) }
     }
 
     /// How it deals with media.
@@ -327,8 +328,40 @@ impl<'s> Eye<'s> {
         true
     }
 
+    /// Light of a glowing medium, where a path turns: `factor` is what a surface or a medium does with it, and
+    /// `by_chance` the density with which its direction might be drawn.
+    fn light_by_glow(
+        &self,
+        path: &Path,
+        ember: &Ember,
+        (factor, by_chance): (Rgb, f64),
+        (ray, inside): (Ray, &Inside),
+        sample: &mut Sample,
+        context: &mut Context<'_>,
+    ) {
+        let mut weight = path.weight * factor * ember.radiance * ember.weight(by_chance);
+        transmit(self.scene, ray, inside, ember.distance, &mut weight, context.stream);
+        sample.radiance[path.component(false) as usize] += weight;
+    }
+
+    /// Who else sends a path the light of a medium.
+    fn rival(&self, path: &Path, medium: u32) -> Option<Rival<'_>> {
+        match &path.previous {
+            Previous::Specular => None,
+            Previous::Surface { point, density } => self.glows.rival(medium, *point, *density),
+            Previous::Medium(at) => self.glows.rival(medium, at.point, at.phase_density),
+        }
+    }
+
     /// Light straight from a light, reflected by a diffuse surface.
     fn light_surface(&self, path: &Path, at: &Interaction, value: Rgb, sample: &mut Sample, context: &mut Context<'_>) {
+        if let Some(ember) = self.glows.draw(at.point, context.stream) {
+            let cos = at.shading_normal.dot(ember.direction);
+            if cos > 0.0 && at.normal.dot(ember.direction) > 0.0 {
+                let (ray, inside) = at.departure(ember.direction);
+                self.light_by_glow(path, &ember, (value * cos, cos / PI), (ray, &inside), sample, context);
+            }
+        }
         let Some((index, choice)) = self.scene.choose_light(at.point, context.stream) else { return };
         let light = &self.scene.lights[index as usize];
         let Some(arrival) = light.arrive(&self.scene.geometry, at.point, context.stream) else { return };
@@ -382,6 +415,11 @@ impl<'s> Eye<'s> {
         context: &mut Context<'_>,
     ) {
         let point = collision.point;
+        if let Some(ember) = self.glows.draw(point, context.stream) {
+            let phase = medium.phase.between(collision.stretch.ray.direction, ember.direction);
+            let towards = Ray::new(point, ember.direction);
+            self.light_by_glow(path, &ember, (medium.albedo * phase, phase), (towards, inside), sample, context);
+        }
         let Some((index, choice)) = self.scene.choose_light(point, context.stream) else { return };
         let light = &self.scene.lights[index as usize];
         let Some(arrival) = light.arrive(&self.scene.geometry, point, context.stream) else { return };
@@ -474,11 +512,31 @@ impl Passage<'_, '_, '_> {
         self.sample.radiance[self.path.component(straight_from_light) as usize] += radiance;
     }
 
+    /// What a medium emits, met by chance.
+    fn glow(&mut self, segment: &Segment<'_>, medium: &Medium) {
+        let (ray, range, weight) = (segment.ray, (segment.a, segment.b), self.path.weight);
+        let rival = self.eye.rival(self.path, segment.medium);
+        let radiance = match (&medium.emission, &rival) {
+            (Emission::None, _) => return,
+            (Emission::Uniform(radiance), Some(rival)) => {
+                // The share has no closed integral: one point, drawn as a collision.
+                let Some((t, weight)) = transport::force(medium, ray, range, weight, self.context.stream).collision
+                else {
+                    return;
+                };
+                weight * (Rgb::ONE - medium.albedo) * *radiance * rival.share(ray.at(t))
+            }
+            _ => {
+                let share = |p| rival.map_or(1.0, |rival| rival.share(p));
+                weight * gather::emitted(medium, ray, range, || self.context.stream.uniform(), share)
+            }
+        };
+        self.add(false, radiance);
+    }
+
     fn gather(&mut self, maps: &VolumeMaps, segment: &Segment<'_>, medium: &Medium) {
         let scene = self.eye.scene;
-        let range = (segment.a, segment.b);
-        let glow = gather::emitted(medium, segment.ray, range, || self.context.stream.uniform());
-        self.add(false, self.path.weight * glow);
+        self.glow(segment, medium);
         // A photon's events, this scattering and those on the eye's side.
         let most = scene.render.max_depth as u64;
         let allowed = most.checked_sub(self.path.events + 1);
@@ -510,9 +568,9 @@ impl Passage<'_, '_, '_> {
     fn track(&mut self, segment: &Segment<'_>, stretch: Stretch, medium: &Medium) -> ControlFlow<()> {
         let range = (segment.a, segment.b);
         if matches!(medium.emission, Emission::Uniform(_)) {
-            let glow = gather::emitted(medium, segment.ray, range, || 0.0);
-            self.add(false, self.path.weight * glow);
+            self.glow(segment, medium);
         }
+        let rival = self.eye.rival(self.path, segment.medium);
         let component = self.path.component(false) as usize;
         let glows = matches!(medium.emission, Emission::BlackBody { .. });
         let Context { stream, tally, .. } = &mut *self.context;
@@ -520,7 +578,9 @@ impl Passage<'_, '_, '_> {
         let collision =
             transport::fly(medium, segment.ray, range, &mut self.path.weight, stream, tally, |t, weight| {
                 if glows {
-                    *radiance += weight * medium.emitted(segment.ray.at(t));
+                    let point = segment.ray.at(t);
+                    let share = rival.map_or(1.0, |rival| rival.share(point));
+                    *radiance += weight * medium.emitted(point) * share;
                 }
             });
         let Some(t) = collision else { return ControlFlow::Continue(()) };
@@ -532,8 +592,7 @@ impl Passage<'_, '_, '_> {
 
     /// One part collides and is followed to its end; the other goes on.
     fn split(&mut self, segment: &Segment<'_>, mut stretch: Stretch, medium: &Medium) {
-        let glow = gather::emitted(medium, segment.ray, (segment.a, segment.b), || self.context.stream.uniform());
-        self.add(false, self.path.weight * glow);
+        self.glow(segment, medium);
         let weight = self.path.weight;
         let forced = transport::force(medium, segment.ray, (segment.a, segment.b), weight, self.context.stream);
         self.path.weight *= forced.passed;

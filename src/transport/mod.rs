@@ -2,11 +2,13 @@
 //! flights and transmittance, events at surfaces, and light that arrives straight from a light.
 
 mod flight;
+mod glow;
 mod light;
 mod roulette;
 mod walk;
 
 pub use flight::{Forced, Tally, flight_density, fly, force, pass};
+pub use glow::{Ember, Glow, Glows, Rival};
 pub use light::{light_density, transmit};
 pub use roulette::{shares, survive};
 pub use walk::{Crossing, Interaction, Reflection, Segment, Side, Stop, Visitor, Walk};
