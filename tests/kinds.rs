@@ -54,7 +54,7 @@ fn a_thin_glow_lights_a_floor_as_from_its_centre() {
 #[test]
 fn flames_light_the_floor() {
     let mut checks = Checks::default();
-    let coefficients = "sigma_a = [9, 14, 20]";
+    let coefficients = "sigma_a = [1, 2, 3]";
     let camera = "[camera]\nposition = [2, 1, 1]\ntarget = [0.9, -0.2, 0.4]\nfov = 0.05\n";
     let text = format!("{FILM}{camera}{}", FIRE.replace("[media.fire]", &format!("[media.fire]\n{coefficients}")));
     let scene = scene(&text, &[]);
@@ -85,20 +85,16 @@ fn flames_light_the_floor() {
     checks.finish();
 }
 
-/// Flames light smoke that scatters, and a floor; by photons from within them and by paths.
+/// Flames light smoke that scatters, and a floor, by photons from within them and by paths. Little is seen of the
+/// flames themselves: what glows is the share that absorbs.
 #[test]
 fn photons_leave_flames() {
     let mut checks = Checks::default();
     let camera = "[camera]\nposition = [1.5, 1.3, 5]\ntarget = [0, 1.3, 0]\nfov = 36\n";
-    let text = format!("{FILM}{camera}{}", FIRE.replace("[media.fire]", "[media.fire]\nsigma_t = 10\nalbedo = 0.8"));
-    let path = Estimate::of(16, &text, &["render.method=path", "render.samples=400"]);
-    let photon = Estimate::of(16, &text, &["render.method=photon", "render.samples=36", "photons.volume=200_000"]);
-    checks.agree("whole image", &photon, &path, 0.003, 0.002);
-    // What the smoke scatters is less than the flames themselves: it is measured without them, above and beside.
-    let above = "camera.target=[0.2, 3.2, 0]";
-    let path = Estimate::of(16, &text, &["render.method=path", "render.samples=900", above, "camera.fov=8"]);
-    let photon = ["render.method=photon", "render.samples=36", "photons.volume=400_000", above, "camera.fov=8"];
-    checks.agree("smoke alone", &Estimate::of(16, &text, &photon), &path, 0.01, 0.02);
+    let text = format!("{FILM}{camera}{}", FIRE.replace("[media.fire]", "[media.fire]\nsigma_t = 6\nalbedo = 0.95"));
+    let path = Estimate::of(16, &text, &["render.method=path", "render.samples=200"]);
+    let photon = Estimate::of(16, &text, &["render.method=photon", "render.samples=25", "photons.volume=200_000"]);
+    checks.agree("flames", &photon, &path, 0.01, 0.01);
     checks.finish();
 }
 
@@ -143,9 +139,9 @@ type = "environment"
 radiance = [0.1, 0.15, 0.3]
 "#
     );
-    let path = Estimate::of(16, &text, &["render.method=path", "render.samples=400"]);
-    let photon = Estimate::of(16, &text, &["render.method=photon", "render.samples=36", "photons.volume=400_000"]);
-    checks.agree("noise", &photon, &path, 0.003, 0.01);
+    let path = Estimate::of(16, &text, &["render.method=path", "render.samples=200"]);
+    let photon = Estimate::of(16, &text, &["render.method=photon", "render.samples=16", "photons.volume=200_000"]);
+    checks.agree("noise", &photon, &path, 0.004, 0.01);
     checks.finish();
 }
 
@@ -196,9 +192,9 @@ intensity = 20
 radius = 0.4
 "#
     );
-    let path = images(16, &text, &["render.method=path", "render.samples=400"]);
-    let photon = images(16, &text, &["render.method=photon", "render.samples=64", "photons.volume=400_000"]);
+    let path = images(16, &text, &["render.method=path", "render.samples=100"]);
+    let photon = images(16, &text, &["render.method=photon", "render.samples=16", "photons.volume=200_000"]);
     let mean = |images| Estimate::over(images, |image| [image.mean(); 3]);
-    checks.agree("droplets", &mean(&photon), &mean(&path), 0.003, 0.01);
+    checks.agree("droplets", &mean(&photon), &mean(&path), 0.006, 0.01);
     checks.finish();
 }

@@ -4,24 +4,23 @@ use std::f64::consts::PI;
 
 use crate::light::{Departure, Light};
 use crate::math::{Bounds, Ray, Rgb, Stream, sampling};
-use crate::scene::{Inside, Scene};
-use crate::transport::Glow;
+use crate::scene::{Glow, Inside, Scene};
 
 /// All sources of photons of a scene.
 #[derive(Debug)]
 pub struct Sources<'s> {
     scene: &'s Scene,
-    sources: Vec<Source>,
+    sources: Vec<Source<'s>>,
     /// Running sums of the sources' shares of the power, ending in 1.
     cumulative: Vec<f64>,
 }
 
 #[derive(Debug)]
-enum Source {
+enum Source<'s> {
     /// A light, and the solids around it where they are the same for all of it.
     Light(u32, Option<Inside>),
     /// A glowing medium.
-    Glow(Box<Glow>),
+    Glow(&'s Glow),
 }
 
 /// A photon at its start, with the solids around it.
@@ -50,9 +49,9 @@ impl<'s> Sources<'s> {
             sources.push(Source::Light(index as u32, inside));
             powers.push(light.power(&scene.surroundings).element_sum());
         }
-        for glow in Glow::all(scene) {
+        for glow in &scene.glows {
             powers.push(glow.power());
-            sources.push(Source::Glow(Box::new(glow)));
+            sources.push(Source::Glow(glow));
         }
         let total: f64 = powers.iter().sum();
         let mut sum = 0.0;

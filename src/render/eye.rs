@@ -103,6 +103,10 @@ const BRIGHTEST: f64 = 1e30;
 /// Eye weights below this are thinned by roulette where photons are gathered.
 const FAINT: f64 = 0.25;
 
+/// Points of glowing media that the first diffuse surface asks for light where photons are gathered: each costs
+/// little beside the queries of a path.
+const EMBERS: u32 = 4;
+
 /// Computes radiance along rays.
 pub struct Eye<'s> {
     scene: &'s Scene,
@@ -339,23 +343,29 @@ impl<'s> Eye<'s> {
         sample: &mut Sample,
         context: &mut Context<'_>,
     ) {
-        let mut weight = path.weight * factor * ember.radiance * ember.weight(by_chance);
+        let mut weight = path.weight * factor * ember.radiance * ember.weight(self.embers(path), by_chance);
         transmit(self.scene, ray, inside, ember.distance, &mut weight, context.stream);
         sample.radiance[path.component(false) as usize] += weight;
+    }
+
+    /// How many points of glowing media are asked for light where a path turned last.
+    fn embers(&self, path: &Path) -> u32 {
+        if matches!(self.mode, Mode::Gather(_)) && path.events == 1 { EMBERS } else { 1 }
     }
 
     /// Who else sends a path the light of a medium.
     fn rival(&self, path: &Path, medium: u32) -> Option<Rival<'_>> {
         match &path.previous {
             Previous::Specular => None,
-            Previous::Surface { point, density } => self.glows.rival(medium, *point, *density),
-            Previous::Medium(at) => self.glows.rival(medium, at.point, at.phase_density),
+            Previous::Surface { point, density } => self.glows.rival(medium, *point, self.embers(path), *density),
+            Previous::Medium(at) => self.glows.rival(medium, at.point, self.embers(path), at.phase_density),
         }
     }
 
     /// Light straight from a light, reflected by a diffuse surface.
     fn light_surface(&self, path: &Path, at: &Interaction, value: Rgb, sample: &mut Sample, context: &mut Context<'_>) {
-        if let Some(ember) = self.glows.draw(at.point, context.stream) {
+        for _ in 0..self.embers(path) {
+            let Some(ember) = self.glows.draw(at.point, context.stream) else { continue };
             let cos = at.shading_normal.dot(ember.direction);
             if cos > 0.0 && at.normal.dot(ember.direction) > 0.0 {
                 let (ray, inside) = at.departure(ember.direction);

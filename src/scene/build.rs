@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::Glow;
 use super::description::{self as said, Description, LightKind, Located, MaterialKind, ShapeKind, Strength};
 use super::world::{Scene, Solid, Surface};
 use crate::geometry::{Cuboid, Cylinder, Disk, Geometry, Mesh, Placed, Quad, Shape, Sphere};
@@ -518,6 +519,7 @@ impl<'d> Builder<'d> {
             regions: 1,
             media: self.media,
             lights: self.lights,
+            glows: Vec::new(),
             surroundings: Surroundings { center: DVec3::ZERO, radius: 0.0 },
             center: self.center,
             warnings: self.warnings,
@@ -525,6 +527,7 @@ impl<'d> Builder<'d> {
         join_regions(&mut scene);
         scene.surroundings = surroundings(&scene);
         darken_infinity(&mut scene);
+        scene.glows = Glow::all(&scene);
         Ok(scene)
     }
 }

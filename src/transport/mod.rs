@@ -8,7 +8,7 @@ mod roulette;
 mod walk;
 
 pub use flight::{Forced, Tally, flight_density, fly, force, pass};
-pub use glow::{Ember, Glow, Glows, Rival};
+pub use glow::{Ember, Glows, Rival};
 pub use light::{light_density, transmit};
 pub use roulette::{shares, survive};
 pub use walk::{Crossing, Interaction, Reflection, Segment, Side, Stop, Visitor, Walk};
