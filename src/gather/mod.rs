@@ -1,11 +1,13 @@
 //! Radiance from photons: sums over the discs that an eye ray meets.
 
 mod beam;
+mod bundle;
 mod depth;
 mod phase;
 mod volume;
 
 pub use beam::{BeamQuery, GatherStats, Gathered};
+pub use bundle::{Bundle, BundleScratch};
 pub use depth::DepthTable;
 pub use phase::{Lobe, PhaseLanes};
 pub use volume::{Queue, Reach, VolumeMaps, emitted};

@@ -54,6 +54,33 @@ impl PhaseLanes {
         })
     }
 
+    /// How fast ⅔ of its logarithm changes with the angle, at most.
+    pub(super) fn steepness(&self) -> f64 {
+        let henyey_greenstein = |g: f64| 2.0 * g.abs() / (1.0 - g * g);
+        let schlick = |k: f64| 4.0 / 3.0 * k.abs() / (1.0 - k * k).sqrt();
+        match &self.0 {
+            Kind::Isotropic => 0.0,
+            Kind::HenyeyGreenstein(g) => henyey_greenstein(*g),
+            Kind::Schlick(k) => schlick(*k),
+            Kind::Rayleigh => 0.5,
+            // No steeper than its steepest term.
+            Kind::Sum(terms) => terms
+                .iter()
+                .map(|term| match term.shape {
+                    Shape::Isotropic => 0.0,
+                    Shape::HenyeyGreenstein => henyey_greenstein(f64::from(term.slope)),
+                    Shape::Schlick => schlick(2.0 * f64::from(term.slope)),
+                    Shape::Rayleigh => 0.5,
+                    // Of 1 + α cos² θ the logarithm changes by at most α/√(1 + α).
+                    Shape::Draine => {
+                        let alpha = f64::from(term.alpha);
+                        henyey_greenstein(f64::from(term.slope)) + 2.0 / 3.0 * alpha / (1.0 + alpha).sqrt()
+                    }
+                })
+                .fold(0.0, f64::max),
+        }
+    }
+
     /// A weighted sum of lobes; weights should add up to 1.
     pub fn mixture(lobes: &[(f64, Lobe)]) -> Self {
         match lobes {
@@ -69,6 +96,11 @@ pub(super) trait Evaluate: Copy {
     fn constant(&self) -> f64;
     /// The values for photons that travel along `d`.
     fn values<L: Lanes>(&self, d: &[L; 3]) -> L;
+    /// Whether it is the same for all directions.
+    const EVEN: bool = false;
+    /// For ω = z: the values, and κ such that for other ω near by they become values · (1 + κ (d·ω − d_z))^{−3/2},
+    /// exactly or in first order.
+    fn near_axis<L: Lanes>(&self, d: &[L; 3]) -> (L, L);
 }
 
 /// `constant + d·v`
@@ -87,6 +119,11 @@ impl Evaluate for Isotropic {
     #[inline(always)]
     fn values<L: Lanes>(&self, _: &[L; 3]) -> L {
         L::splat(1.0)
+    }
+    const EVEN: bool = true;
+    #[inline(always)]
+    fn near_axis<L: Lanes>(&self, _: &[L; 3]) -> (L, L) {
+        (L::splat(1.0), L::splat(0.0))
     }
 }
 
@@ -113,6 +150,12 @@ impl Evaluate for HenyeyGreenstein {
         let y = plus_dot(self.base, d, &self.slope).rsqrt();
         y.mul(y).mul(y)
     }
+    #[inline(always)]
+    fn near_axis<L: Lanes>(&self, d: &[L; 3]) -> (L, L) {
+        let y = d[2].mul_add(L::splat(self.slope[2]), L::splat(self.base)).rsqrt();
+        let y2 = y.mul(y);
+        (y2.mul(y), y2.mul(L::splat(self.slope[2])))
+    }
 }
 
 #[derive(Clone, Copy)]
@@ -137,6 +180,12 @@ impl Evaluate for Schlick {
         let y2 = y.mul(y);
         y2.mul(y2)
     }
+    #[inline(always)]
+    fn near_axis<L: Lanes>(&self, d: &[L; 3]) -> (L, L) {
+        let y = d[2].mul_add(L::splat(self.slope[2]), L::splat(1.0)).rsqrt();
+        let y2 = y.mul(y);
+        (y2.mul(y2), y2.mul(L::splat(4.0 / 3.0 * self.slope[2])))
+    }
 }
 
 #[derive(Clone, Copy)]
@@ -158,6 +207,11 @@ impl Evaluate for Rayleigh {
     fn values<L: Lanes>(&self, d: &[L; 3]) -> L {
         let c = plus_dot(0.0, d, &self.omega);
         c.mul_add(c, L::splat(1.0))
+    }
+    #[inline(always)]
+    fn near_axis<L: Lanes>(&self, d: &[L; 3]) -> (L, L) {
+        let value = d[2].mul_add(d[2], L::splat(1.0));
+        (value, d[2].mul(L::splat(-4.0 / 3.0)).div(value))
     }
 }
 
@@ -249,28 +303,58 @@ impl Evaluate for Sum<'_> {
         for term in self.terms {
             let weight = L::splat(term.weight);
             let e2 = if term.backward { behind } else { ahead };
-            let x = e2.mul_add(L::splat(term.slope), L::splat(term.base));
-            sum = match term.shape {
-                Shape::Isotropic => sum.add(weight),
-                Shape::HenyeyGreenstein => {
-                    let y = x.rsqrt();
-                    weight.mul(y).mul(y).mul_add(y, sum)
-                }
-                Shape::Schlick => {
-                    let y = x.rsqrt();
-                    let y2 = y.mul(y);
-                    weight.mul(y2).mul_add(y2, sum)
-                }
-                Shape::Rayleigh => weight.mul_add(x.mul_add(x, L::splat(1.0)), sum),
-                Shape::Draine => {
-                    let y = x.rsqrt();
-                    let cos = e2.mul_add(L::splat(-0.5), L::splat(1.0));
-                    let quadratic = cos.mul(cos).mul_add(L::splat(term.alpha), L::splat(1.0));
-                    weight.mul(y).mul(y).mul(y).mul_add(quadratic, sum)
-                }
-            };
+            sum = term.value(e2).0.mul_add(weight, sum);
         }
         sum
+    }
+    #[inline(always)]
+    fn near_axis<L: Lanes>(&self, d: &[L; 3]) -> (L, L) {
+        let ahead = squared_sum::<L>(d, &self.high, &self.low, 1.0);
+        let behind = squared_sum::<L>(d, &self.high, &self.low, -1.0);
+        let (mut sum, mut growth) = (L::splat(0.0), L::splat(0.0));
+        for term in self.terms {
+            let (e2, sign) = if term.backward { (behind, -2.0) } else { (ahead, 2.0) };
+            // The term, and its derivative by d·ω, ±2 times that by |d ± ω|².
+            let (value, derivative) = term.value(e2);
+            sum = value.mul_add(L::splat(term.weight), sum);
+            growth = derivative.mul_add(L::splat(sign * term.weight), growth);
+        }
+        (sum, growth.mul(L::splat(-2.0 / 3.0)).div(sum.max(L::splat(f32::MIN_POSITIVE))))
+    }
+}
+
+impl Term {
+    /// The lobe as a function of |d ± ω|², without its weight, and its derivative.
+    #[inline(always)]
+    fn value<L: Lanes>(&self, e2: L) -> (L, L) {
+        let x = e2.mul_add(L::splat(self.slope), L::splat(self.base));
+        let slope = |times: f32| L::splat(times * self.slope);
+        match self.shape {
+            Shape::Isotropic => (L::splat(1.0), L::splat(0.0)),
+            Shape::HenyeyGreenstein => {
+                let y = x.rsqrt();
+                let y2 = y.mul(y);
+                let value = y2.mul(y);
+                (value, value.mul(y2).mul(slope(-1.5)))
+            }
+            Shape::Schlick => {
+                let y = x.rsqrt();
+                let y2 = y.mul(y);
+                let value = y2.mul(y2);
+                (value, value.mul(y2).mul(slope(-2.0)))
+            }
+            Shape::Rayleigh => (x.mul_add(x, L::splat(1.0)), x.mul(slope(2.0))),
+            Shape::Draine => {
+                let y = x.rsqrt();
+                let y2 = y.mul(y);
+                let lobe = y2.mul(y);
+                // cos θ = 1 − |d ± ω|²/2 but for its sign.
+                let cos = e2.mul_add(L::splat(-0.5), L::splat(1.0));
+                let bent = cos.mul(L::splat(self.alpha));
+                let value = lobe.mul(cos.mul_add(bent, L::splat(1.0)));
+                (value, value.mul(y2).mul(slope(-1.5)).sub(lobe.mul(bent)))
+            }
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use super::{BeamQuery, DepthTable, GatherStats, Gathered, Lobe, PhaseLanes};
+use super::{BeamQuery, Bundle, BundleScratch, DepthTable, GatherStats, Gathered, Lobe, PhaseLanes};
 use crate::math::{DVec3, Ray, Rgb, Vec3, one_minus_exp_over};
 use crate::medium::density::Density;
 use crate::medium::phase::Phase;
@@ -45,6 +45,9 @@ pub struct Queue<O> {
     streams: Vec<(Reach, O)>,
     done: Vec<(O, Gathered)>,
     table: DepthTable,
+    rays: Vec<(Ray, f64, f64)>,
+    gathered: Vec<Gathered>,
+    bundle: BundleScratch,
     /// What was counted.
     pub stats: GatherStats,
 }
@@ -56,6 +59,9 @@ impl<O> Default for Queue<O> {
             streams: Vec::new(),
             done: Vec::new(),
             table: DepthTable::new(),
+            rays: Vec::new(),
+            gathered: Vec::new(),
+            bundle: BundleScratch::default(),
             stats: GatherStats::default(),
         }
     }
@@ -126,11 +132,21 @@ impl VolumeMaps {
 
     /// Gathers what waits of camera rays close to one another.
     pub fn gather_bundles<O>(&self, queue: &mut Queue<O>) {
-        let mut waiting = std::mem::take(&mut queue.bundles);
-        for (reach, owner) in waiting.drain(..) {
-            queue.done.extend(self.gather_one(&reach, &mut queue.stats).map(|gathered| (owner, gathered)));
+        let Queue { bundles, done, rays, gathered, bundle, stats, .. } = queue;
+        let key = |(reach, _): &(Reach, O)| (reach.region, reach.medium, reach.max_events);
+        bundles.sort_by_key(key);
+        while let Some(first) = bundles.first() {
+            let first_key = key(first);
+            let end = bundles.partition_point(|waiting| key(waiting) <= first_key);
+            rays.clear();
+            rays.extend(bundles[..end].iter().map(|(Reach { ray, a, b, .. }, _)| (*ray, *a, *b)));
+            let (region, medium, max_events) = first_key;
+            if let Some(map) = &self.maps[region as usize] {
+                let (phase, extinction) = (&self.phases[medium as usize], self.extinctions[medium as usize]);
+                map.gather_bundle(&Bundle { rays, phase, extinction, max_events }, bundle, stats, gathered);
+            }
+            done.extend(bundles.drain(..end).map(|(_, owner)| owner).zip(gathered.iter().copied()));
         }
-        queue.bundles = waiting;
     }
 
     /// Gathers what waits of rays anywhere.

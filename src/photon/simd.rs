@@ -96,6 +96,8 @@ pub(crate) trait Lanes: Copy {
     fn splat(x: f32) -> Self;
     /// The numbers of a row.
     fn load(row: &Row) -> Self;
+    /// The first numbers of a slice that has at least sixteen; any numbers if it has fewer.
+    fn load_front(values: &[f32]) -> Self;
     /// Writes the lanes to a row.
     fn store(self, row: &mut Row);
     /// `self + b`
@@ -225,6 +227,10 @@ impl Lanes for Portable {
     #[inline(always)]
     fn load(row: &Row) -> Self {
         Portable(row.0)
+    }
+    #[inline(always)]
+    fn load_front(values: &[f32]) -> Self {
+        values.first_chunk().map_or(Self::splat(0.0), |values| Portable(*values))
     }
     #[inline(always)]
     fn store(self, row: &mut Row) {
@@ -373,6 +379,12 @@ mod x86 {
         fn load(row: &Row) -> Self {
             // SAFETY: see the head of the module.
             unsafe { Avx512(_mm512_load_ps(row.0.as_ptr())) }
+        }
+        #[inline(always)]
+        fn load_front(values: &[f32]) -> Self {
+            let Some(values) = values.first_chunk::<LANES>() else { return Self::splat(0.0) };
+            // SAFETY: see the head of the module; sixteen numbers lie there, aligned or not.
+            unsafe { Avx512(_mm512_loadu_ps(values.as_ptr())) }
         }
         #[inline(always)]
         fn store(self, row: &mut Row) {
@@ -529,6 +541,14 @@ mod x86 {
             let (low, high) = row.0.split_at(8);
             // SAFETY: see the head of the module; each half holds eight numbers.
             unsafe { Avx2(_mm256_load_ps(low.as_ptr()), _mm256_load_ps(high.as_ptr())) }
+        }
+        #[inline(always)]
+        fn load_front(values: &[f32]) -> Self {
+            let Some((low, high)) = values.first_chunk::<LANES>().map(|values| values.split_at(8)) else {
+                return Self::splat(0.0);
+            };
+            // SAFETY: see the head of the module; each half holds eight numbers, aligned or not.
+            unsafe { Avx2(_mm256_loadu_ps(low.as_ptr()), _mm256_loadu_ps(high.as_ptr())) }
         }
         #[inline(always)]
         fn store(self, row: &mut Row) {

@@ -1,0 +1,1183 @@
+//! Beam queries of rays that run close to one another, as those of neighbouring pixels: they share the
+//! walk through the hierarchy, and all that varies little between them.
+//!
+//! One walk collects the photons near the whole bundle. For each group of up to 64 rays, photons are then
+//! taken to the group's frame, its rays written as x = pₓ + sₓz, y = p_y + s_y z with small slopes s along the
+//! group's axis. What a photon at (a, b, z) contributes is a constant of the group times (1 + d)^{−3/2},
+//! where d, linear in sₓ, s_y and −s²/2, carries the phase function's and the transmittance's dependence
+//! on the ray: exact in the logarithm's first order, and for Henyey and Greenstein's function in all.
+//! The distance from the ray is the offset at the photon's own z. Both are wrong by the order of s².
+
+use super::beam::{BeamQuery, GatherStats, Gathered};
+use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Rayleigh, Schlick, Sum};
+use crate::math::{DVec3, Frame, Ray, Vec3};
+use crate::photon::discs::{LEAF, STACK};
+use crate::photon::kernel::inverse_disc_share_lanes;
+use crate::photon::map::PhotonMap;
+use crate::photon::simd::{LANES, Lanes, Row, Task, at_most, prefetch};
+use std::f64::consts::LOG2_E;
+
+/// Rays that gather together: in one medium, from one map.
+#[derive(Clone, Copy, Debug)]
+pub struct Bundle<'a> {
+    /// The rays and their stretches, those of neighbouring pixels next to one another.
+    pub rays: &'a [(Ray, f64, f64)],
+    /// The medium's phase function.
+    pub phase: &'a PhaseLanes,
+    /// The extinction coefficient.
+    pub extinction: Vec3,
+    /// Only photons with at most this many events count, if the map is tagged; 255 for all.
+    pub max_events: u8,
+}
+
+/// Rays in a group, in up to four vectors.
+const GROUP: usize = VECTORS * LANES;
+const VECTORS: usize = 4;
+
+/// Rays of a group may deviate from its axis by this slope: errors are of the order of its square.
+const MAX_SLOPE: f64 = 0.02;
+
+/// The variable d of a group may reach this, where its series is right to 10⁻⁴.
+const MAX_VARIATION: f64 = 0.15;
+
+/// Optical depth by which the starts of a group's rays may differ.
+const MAX_DEPTH_APART: f64 = 10.0;
+
+/// The slope up to which a bundle is walked as one.
+const WIDE: f64 = 0.7;
+
+/// Photons of one kind near the bundle before all groups are served.
+const NEAR: usize = 4096;
+
+/// Photons of a group before they are evaluated: as much as the nearest cache holds.
+const CHUNK: usize = 512;
+
+/// Where rays of a vector meet fewer of a chunk's photons than this share, each vector gets a list.
+const SPARSE: f32 = 0.7;
+
+/// Fields of a photon near the bundle: position, 1/r², direction, power; then normal and distance of walls.
+const FIELDS: usize = 10;
+const WALL_FIELDS: usize = 4;
+
+/// Walls a photon may have.
+const WALLS: usize = 3;
+
+/// Photons near the bundle, by field. The stride is no multiple of a page, for the sake of the cache.
+#[derive(Debug)]
+struct Near {
+    fields: Vec<f32>,
+    len: usize,
+}
+
+const NEAR_STRIDE: usize = NEAR + 2 * LANES;
+
+impl Near {
+    fn new(walls: usize) -> Self {
+        Near { fields: vec![0.0; (FIELDS + WALL_FIELDS * walls) * NEAR_STRIDE], len: 0 }
+    }
+
+    #[inline(always)]
+    fn load<L: Lanes>(&self, index: usize, at: usize) -> L {
+        L::load_front(&self.fields[index * NEAR_STRIDE + at..])
+    }
+
+    /// Writes packed lanes behind the last photon.
+    #[inline(always)]
+    fn write<L: Lanes>(&mut self, index: usize, value: L, bits: u16) {
+        if let Some(out) = self.fields[index * NEAR_STRIDE + self.len..].first_chunk_mut() {
+            value.compress(bits, out);
+        }
+    }
+}
+
+/// Photons in a group's frame.
+#[derive(Debug)]
+struct Chunk {
+    fields: Box<[[f32; CHUNK_STRIDE]; CHUNK_FIELDS]>,
+    len: usize,
+}
+
+const CHUNK_STRIDE: usize = CHUNK + 2 * LANES;
+
+/// x, y, z, 1/r², the three slopes of d, and the power; then 1/r, and normal and distance of walls.
+const CHUNK_FIELDS: usize = 11 + WALL_FIELDS * WALLS;
+
+impl Chunk {
+    fn new() -> Self {
+        Chunk { fields: Box::new([[0.0; CHUNK_STRIDE]; CHUNK_FIELDS]), len: 0 }
+    }
+
+    #[inline(always)]
+    fn write<L: Lanes>(&mut self, index: usize, value: L, bits: u16) {
+        if let Some(out) = self.fields[index][self.len..].first_chunk_mut() {
+            value.compress(bits, out);
+        }
+    }
+}
+
+/// A group of rays in its own frame.
+#[derive(Clone, Debug)]
+struct Group {
+    /// Its rays in the bundle.
+    first: usize,
+    count: usize,
+    axes: [[f32; 3]; 3],
+    offset: [f32; 3],
+    /// Offsets p, slopes s and −s²/2 of the rays; lanes without a ray have those of another.
+    rays: [Vector; VECTORS],
+    /// Everything within |x|, |y| ≤ spread + slope·|z|, for all rays and for each vector around its own axis.
+    around: Around,
+    near: [Around; VECTORS],
+    /// The first and last z of any ray, and of all rays.
+    any: [f32; 2],
+    all: [f32; 2],
+    /// Where transmittance is counted from.
+    zero: f32,
+    /// What remains to be multiplied, by ray.
+    factor: [[f64; 3]; GROUP],
+    /// Sums, by vector and channel: of photons without events, and of the others.
+    sums: [[[Row; 3]; VECTORS]; 2],
+    pinhole: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Vector {
+    offset: [Row; 2],
+    slope: [Row; 2],
+    bend: Row,
+    start: Row,
+    end: Row,
+}
+
+impl Vector {
+    const EMPTY: Vector = {
+        let row = Row([0.0; LANES]);
+        Vector { offset: [row; 2], slope: [row; 2], bend: row, start: row, end: row }
+    };
+}
+
+/// A cone, its spread growing from z = 0 in both directions.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Around {
+    offset: [f32; 2],
+    slope: [f32; 2],
+    spread: f32,
+    widening: f32,
+}
+
+/// Memory reused from bundle to bundle.
+#[derive(Debug)]
+pub struct BundleScratch {
+    near: [Option<Near>; 2 * (WALLS + 1)],
+    plain: Chunk,
+    careful: Chunk,
+    lists: Box<[[u32; CHUNK_STRIDE]; VECTORS]>,
+    groups: Vec<Group>,
+}
+
+impl Default for BundleScratch {
+    fn default() -> Self {
+        BundleScratch {
+            near: Default::default(),
+            plain: Chunk::new(),
+            careful: Chunk::new(),
+            lists: Box::new([[0; CHUNK_STRIDE]; VECTORS]),
+            groups: Vec::new(),
+        }
+    }
+}
+
+impl PhotonMap {
+    /// What each ray of a bundle gathers, as [`PhotonMap::gather`] would, to about a thousandth. Rays too far
+    /// apart for that are gathered one by one.
+    pub fn gather_bundle(
+        &self,
+        bundle: &Bundle<'_>,
+        scratch: &mut BundleScratch,
+        stats: &mut GatherStats,
+        out: &mut Vec<Gathered>,
+    ) {
+        out.clear();
+        out.resize(bundle.rays.len(), Gathered::default());
+        if self.is_empty() {
+            stats.queries += bundle.rays.len() as u64;
+            return;
+        }
+        let mut groups = std::mem::take(&mut scratch.groups);
+        groups.clear();
+        let mut first = 0;
+        while first < bundle.rays.len() {
+            let most = (bundle.rays.len() - first).min(GROUP);
+            // Ever fewer rays, as long as they fill a vector.
+            let sizes = [most, most.min(GROUP / 2), most.min(LANES)];
+            let group = sizes.into_iter().find_map(|count| Group::new(self, bundle, first, count));
+            match group {
+                Some(group) => {
+                    first += group.count;
+                    groups.push(group);
+                }
+                None => {
+                    let end = first + most.min(LANES);
+                    for (index, (ray, a, b)) in bundle.rays[first..end].iter().enumerate() {
+                        let query = BeamQuery {
+                            origin: ray.at(*a),
+                            direction: ray.direction,
+                            length: (b - a) as f32,
+                            phase: bundle.phase,
+                            extinction: bundle.extinction,
+                            depth: None,
+                            max_events: bundle.max_events,
+                        };
+                        out[first + index] = self.gather(&query, stats);
+                    }
+                    first = end;
+                }
+            }
+        }
+        self.serve(bundle, &mut groups, scratch, stats);
+        let constant = phase_constant(bundle.phase);
+        for group in &groups {
+            stats.queries += group.count as u64;
+            for index in 0..group.count {
+                let (vector, lane) = (index / LANES, index % LANES);
+                let sum = |part: usize| -> [f64; 3] {
+                    std::array::from_fn(|c| f64::from(group.sums[part][vector][c].0[lane]) * constant)
+                };
+                let (single, multiple) = (sum(0), sum(1));
+                let factor = group.factor[index];
+                out[group.first + index] = Gathered {
+                    total: std::array::from_fn(|c| ((single[c] + multiple[c]) * factor[c]) as f32),
+                    single: std::array::from_fn(|c| (single[c] * factor[c]) as f32),
+                };
+            }
+        }
+        scratch.groups = groups;
+    }
+
+    /// Gathers for all groups with one walk, or with several if they are far apart.
+    fn serve(&self, bundle: &Bundle<'_>, groups: &mut [Group], scratch: &mut BundleScratch, stats: &mut GatherStats) {
+        let Some(cone) = Cone::around(self, bundle, groups) else {
+            if let [_, _, ..] = groups {
+                let (some, others) = groups.split_at_mut(groups.len() / 2);
+                self.serve(bundle, some, scratch, stats);
+                self.serve(bundle, others, scratch, stats);
+            }
+            return;
+        };
+        match &bundle.phase.0 {
+            Kind::Isotropic => self.serve_phase(bundle, Isotropic, &cone, groups, scratch, stats),
+            Kind::HenyeyGreenstein(g) => {
+                self.serve_phase(bundle, HenyeyGreenstein::new(*g, DVec3::Z), &cone, groups, scratch, stats)
+            }
+            Kind::Schlick(k) => self.serve_phase(bundle, Schlick::new(*k, DVec3::Z), &cone, groups, scratch, stats),
+            Kind::Rayleigh => self.serve_phase(bundle, Rayleigh::new(DVec3::Z), &cone, groups, scratch, stats),
+            Kind::Sum(terms) => self.serve_phase(bundle, Sum::new(terms, DVec3::Z), &cone, groups, scratch, stats),
+        }
+    }
+
+    fn serve_phase<P: Evaluate>(
+        &self,
+        bundle: &Bundle<'_>,
+        phase: P,
+        cone: &Cone,
+        groups: &mut [Group],
+        scratch: &mut BundleScratch,
+        stats: &mut GatherStats,
+    ) {
+        let BundleScratch { near, plain, careful, lists, .. } = scratch;
+        let mut nodes = 0;
+        let mut serve = |kind: usize, near: &mut Near| {
+            for group in groups.iter_mut() {
+                let shift = Shift { bundle, phase, near, kind, group, plain, careful, lists, stats };
+                self.isa.run(shift);
+            }
+            near.len = 0;
+        };
+        self.isa.run(Collect {
+            map: self,
+            cone,
+            max_events: bundle.max_events,
+            near,
+            nodes: &mut nodes,
+            serve: &mut serve,
+        });
+        for (kind, near) in near.iter_mut().enumerate() {
+            if let Some(near) = near.as_mut().filter(|near| near.len > 0) {
+                serve(kind, near);
+            }
+        }
+        stats.nodes += nodes;
+    }
+}
+
+/// The factor that [`Evaluate`] leaves out.
+fn phase_constant(phase: &PhaseLanes) -> f64 {
+    match &phase.0 {
+        Kind::Isotropic => Isotropic.constant(),
+        Kind::HenyeyGreenstein(g) => HenyeyGreenstein::new(*g, DVec3::Z).constant(),
+        Kind::Schlick(k) => Schlick::new(*k, DVec3::Z).constant(),
+        Kind::Rayleigh => Rayleigh::new(DVec3::Z).constant(),
+        Kind::Sum(terms) => Sum::new(terms, DVec3::Z).constant(),
+    }
+}
+
+/// A ray in a frame: x = offset + slope·z.
+struct Line {
+    offset: [f64; 2],
+    slope: [f64; 2],
+    start: f64,
+    end: f64,
+}
+
+impl Line {
+    /// The slope's square.
+    fn square(&self) -> f64 {
+        self.slope[0] * self.slope[0] + self.slope[1] * self.slope[1]
+    }
+
+    /// `None` if the ray is too oblique.
+    fn new((ray, a, b): &(Ray, f64, f64), frame: &Frame, origin: DVec3) -> Option<Line> {
+        let cos = ray.direction.dot(frame.z);
+        if cos < 0.5 {
+            return None;
+        }
+        let slope = [ray.direction.dot(frame.x) / cos, ray.direction.dot(frame.y) / cos];
+        let from = ray.origin - origin;
+        let z = from.dot(frame.z);
+        let offset = [from.dot(frame.x) - z * slope[0], from.dot(frame.y) - z * slope[1]];
+        Some(Line { offset, slope, start: z + a * cos, end: z + b * cos })
+    }
+}
+
+/// Rounded, and finite.
+fn bound(x: f64) -> f32 {
+    x.clamp(f64::from(-f32::MAX), f64::from(f32::MAX)) as f32
+}
+
+/// The middle of some rays: an axis, and a place on it.
+fn middle<'a>(
+    map: &PhotonMap,
+    rays: impl Iterator<Item = &'a (Ray, f64, f64)> + Clone,
+) -> Option<(Frame, DVec3, bool)> {
+    let mean = rays.clone().fold(DVec3::ZERO, |sum, (ray, ..)| sum + ray.direction);
+    let axis = mean.try_normalize()?;
+    let mut origins = rays.map(|(ray, ..)| ray.origin);
+    let first = origins.next()?;
+    let (mut sum, mut count, mut common) = (first, 1.0, true);
+    for origin in origins {
+        common &= origin == first;
+        sum += origin;
+        count += 1.0;
+    }
+    // Single precision wants its origin near the map.
+    let bounds = map.bounds();
+    let pinhole = common && first.distance(bounds.center()) < 4.0 * bounds.diagonal();
+    let mean = if common { first } else { sum / count };
+    let origin = if pinhole { mean } else { mean + axis * (bounds.center() - mean).dot(axis) };
+    Some((Frame::around(axis), origin, pinhole))
+}
+
+fn rows(frame: &Frame) -> [[f32; 3]; 3] {
+    [frame.x, frame.y, frame.z].map(|axis| axis.as_vec3().to_array())
+}
+
+fn offsets(frame: &Frame, origin: DVec3) -> [f32; 3] {
+    [frame.x, frame.y, frame.z].map(|axis| -axis.dot(origin) as f32)
+}
+
+/// A cone around lines whose axis is their mean.
+fn around(lines: &[Line]) -> Around {
+    let (mut offset, mut slope) = ([0.0; 2], [0.0; 2]);
+    let share = 1.0 / lines.len() as f64;
+    for line in lines {
+        for axis in 0..2 {
+            offset[axis] += share * line.offset[axis];
+            slope[axis] += share * line.slope[axis];
+        }
+    }
+    let (mut spread, mut widening) = (0.0f64, 0.0f64);
+    for line in lines {
+        let square = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2);
+        spread = spread.max(square(line.offset, offset));
+        widening = widening.max(square(line.slope, slope));
+    }
+    // Rounded up.
+    let up = |square: f64| (square.sqrt() * (1.0 + 1e-5)) as f32;
+    Around {
+        offset: [offset[0] as f32, offset[1] as f32],
+        slope: [slope[0] as f32, slope[1] as f32],
+        spread: up(spread),
+        widening: up(widening) + 1e-6,
+    }
+}
+
+impl Group {
+    /// `None` if the rays are too far apart.
+    fn new(map: &PhotonMap, bundle: &Bundle<'_>, first: usize, count: usize) -> Option<Group> {
+        let rays = &bundle.rays[first..first + count];
+        let (frame, origin, pinhole) = middle(map, rays.iter())?;
+        let lines: Option<smallvec::SmallVec<[Line; GROUP]>> =
+            rays.iter().map(|ray| Line::new(ray, &frame, origin)).collect();
+        let lines = lines?;
+        let mut steepest = 0.0f64;
+        let (mut zero, mut last) = (f64::INFINITY, f64::NEG_INFINITY);
+        let (mut first_end, mut last_end) = (f64::INFINITY, f64::NEG_INFINITY);
+        for line in &lines {
+            steepest = steepest.max(line.square());
+            zero = zero.min(line.start);
+            last = last.max(line.start);
+            first_end = first_end.min(line.end);
+            last_end = last_end.max(line.end);
+        }
+        let steepest = steepest.sqrt();
+        let extinction = bundle.extinction.as_dvec3();
+        let (thick, thin) = (extinction.max_element(), extinction.min_element());
+        let (widest, extent) = (map.radii().max as f64, map.bounds().diagonal());
+        let narrow = steepest <= MAX_SLOPE
+            && steepest * bundle.phase.steepness() <= MAX_VARIATION
+            && steepest * thick * widest <= MAX_VARIATION
+            && steepest * (thick - thin) * widest <= 0.1 * MAX_VARIATION
+            && steepest.powi(2) * thick * extent <= 0.02 * MAX_VARIATION
+            && (last - zero) * thick <= MAX_DEPTH_APART;
+        if !narrow {
+            return None;
+        }
+
+        let mut group = Group {
+            first,
+            count,
+            axes: rows(&frame),
+            offset: offsets(&frame, origin),
+            rays: [Vector::EMPTY; VECTORS],
+            around: around(&lines),
+            near: [Around::default(); VECTORS],
+            any: [bound(zero), bound(last_end)],
+            all: [bound(last), bound(first_end)],
+            zero: bound(zero),
+            factor: [[0.0; 3]; GROUP],
+            sums: [[[Row([0.0; LANES]); 3]; VECTORS]; 2],
+            pinhole,
+        };
+        for (near, lines) in group.near.iter_mut().zip(lines.chunks(LANES)) {
+            *near = around(lines);
+        }
+        for (index, factor) in group.factor.iter_mut().enumerate() {
+            // Lanes to spare repeat the last ray.
+            let line = &lines[index.min(count - 1)];
+            let vector = &mut group.rays[index / LANES];
+            let lane = index % LANES;
+            for axis in 0..2 {
+                vector.offset[axis].0[lane] = line.offset[axis] as f32;
+                vector.slope[axis].0[lane] = line.slope[axis] as f32;
+            }
+            vector.bend.0[lane] = (-0.5 * line.square()) as f32;
+            vector.start.0[lane] = bound(line.start);
+            vector.end.0[lane] = bound(line.end);
+            let across = line.offset[0] * line.slope[0] + line.offset[1] * line.slope[1];
+            let saved = line.start - zero + 0.5 * line.start * line.square() + across;
+            if saved == 0.0 {
+                *factor = [1.0; 3];
+            } else {
+                *factor = (extinction * saved).map(f64::exp).to_array();
+            }
+        }
+        Some(group)
+    }
+
+    fn vectors(&self) -> usize {
+        self.count.div_ceil(LANES)
+    }
+}
+
+/// All that a bundle may meet.
+struct Cone {
+    axes: [[f32; 3]; 3],
+    offset: [f32; 3],
+    around: Around,
+    any: [f32; 2],
+}
+
+impl Cone {
+    /// `None` if the rays are too far apart, or there are none.
+    fn around(map: &PhotonMap, bundle: &Bundle<'_>, groups: &[Group]) -> Option<Cone> {
+        let rays = groups.iter().flat_map(|group| &bundle.rays[group.first..group.first + group.count]);
+        let (frame, origin, _) = middle(map, rays.clone())?;
+        let lines: Vec<Line> = rays.map(|ray| Line::new(ray, &frame, origin)).collect::<Option<_>>()?;
+        let around = around(&lines);
+        let first = lines.iter().map(|line| line.start).fold(f64::INFINITY, f64::min);
+        let last = lines.iter().map(|line| line.end).fold(f64::NEG_INFINITY, f64::max);
+        (f64::from(around.widening) <= WIDE || groups.len() == 1).then(|| Cone {
+            axes: rows(&frame),
+            offset: offsets(&frame, origin),
+            around,
+            any: [bound(first), bound(last)],
+        })
+    }
+}
+
+#[inline(always)]
+fn splat3<L: Lanes>(v: [f32; 3]) -> [L; 3] {
+    [L::splat(v[0]), L::splat(v[1]), L::splat(v[2])]
+}
+
+/// `x·v + offset`
+#[inline(always)]
+fn dot_plus<L: Lanes>(x: &[L; 3], v: &[L; 3], offset: L) -> L {
+    x[0].mul_add(v[0], x[1].mul_add(v[1], x[2].mul_add(v[2], offset)))
+}
+
+/// A cone in lanes.
+struct AroundLanes<L> {
+    offset: [L; 2],
+    slope: [L; 2],
+    spread: L,
+    widening: L,
+}
+
+impl Around {
+    #[inline(always)]
+    fn lanes<L: Lanes>(&self) -> AroundLanes<L> {
+        AroundLanes {
+            offset: [L::splat(self.offset[0]), L::splat(self.offset[1])],
+            slope: [L::splat(self.slope[0]), L::splat(self.slope[1])],
+            spread: L::splat(self.spread),
+            widening: L::splat(self.widening),
+        }
+    }
+}
+
+impl<L: Lanes> AroundLanes<L> {
+    /// Which spheres of radius `r` around (a, b, z) it meets.
+    #[inline(always)]
+    fn meets(&self, a: L, b: L, z: L, r: L) -> L::Mask {
+        let x = z.neg_mul_add(self.slope[0], a.sub(self.offset[0]));
+        let y = z.neg_mul_add(self.slope[1], b.sub(self.offset[1]));
+        let limit = z.max(L::splat(0.0).sub(z)).add(r).mul_add(self.widening, self.spread.add(r));
+        x.mul_add(x, y.mul(y)).less_equal(limit.mul(limit))
+    }
+}
+
+/// A [`Cone`] in lanes.
+struct ConeLanes<L> {
+    axes: [[L; 3]; 3],
+    offset: [L; 3],
+    around: AroundLanes<L>,
+    first: L,
+    last: L,
+}
+
+impl Cone {
+    #[inline(always)]
+    fn lanes<L: Lanes>(&self) -> ConeLanes<L> {
+        ConeLanes {
+            axes: [splat3(self.axes[0]), splat3(self.axes[1]), splat3(self.axes[2])],
+            offset: splat3(self.offset),
+            around: self.around.lanes(),
+            first: L::splat(self.any[0]),
+            last: L::splat(self.any[1]),
+        }
+    }
+}
+
+impl<L: Lanes> ConeLanes<L> {
+    /// Which spheres it meets.
+    #[inline(always)]
+    fn meets(&self, x: &[L; 3], r: L) -> u16 {
+        let a = dot_plus(x, &self.axes[0], self.offset[0]);
+        let b = dot_plus(x, &self.axes[1], self.offset[1]);
+        let z = dot_plus(x, &self.axes[2], self.offset[2]);
+        let between = L::and(self.first.less(z.add(r)), z.sub(r).less(self.last));
+        L::bits(L::and(self.around.meets(a, b, z, r), between))
+    }
+}
+
+/// The walk that collects the photons near a bundle.
+struct Collect<'a, F> {
+    map: &'a PhotonMap,
+    cone: &'a Cone,
+    max_events: u8,
+    near: &'a mut [Option<Near>; 2 * (WALLS + 1)],
+    nodes: &'a mut u64,
+    serve: &'a mut F,
+}
+
+/// Photons are of one kind if they had an event before or not, and by the number of walls: kind/2.
+fn kind(events: bool, walls: usize) -> usize {
+    2 * walls + usize::from(events)
+}
+
+impl<F: FnMut(usize, &mut Near)> Task for Collect<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let Collect { map, cone, max_events, near, nodes, serve } = self;
+        let cone = cone.lanes::<L>();
+
+        let mut stack = [0u32; STACK + LANES];
+        let mut waiting = 1;
+        while waiting > 0 {
+            waiting -= 1;
+            let node = &map.nodes[stack[waiting] as usize];
+            *nodes += 1;
+            let center = [L::load(&node.center[0]), L::load(&node.center[1]), L::load(&node.center[2])];
+            let hit = cone.meets(&center, L::load(&node.radius));
+            let leaves = node.leaves();
+            let (mut blocks, inner) = (hit & leaves, hit & !leaves);
+            if inner != 0
+                && let Some(out) = stack[waiting..].first_chunk_mut()
+            {
+                L::compress_indices(&node.children, inner, out);
+                waiting += inner.count_ones() as usize;
+            }
+            while blocks != 0 {
+                let index = (node.children[blocks.trailing_zeros() as usize] & !LEAF) as usize;
+                blocks &= blocks - 1;
+                if blocks != 0 {
+                    prefetch(&map.blocks[(node.children[blocks.trailing_zeros() as usize] & !LEAF) as usize]);
+                }
+                let block = &map.blocks[index];
+                let x = [L::load(&block.position[0]), L::load(&block.position[1]), L::load(&block.position[2])];
+                let inverse_square = L::load(&block.inverse_square);
+                let mut bits = cone.meets(&x, inverse_square.rsqrt());
+                let mut first_events = 0;
+                if let Some(events) = map.events.get(index) {
+                    first_events = at_most(events, 0);
+                    bits &= at_most(events, max_events);
+                }
+                if bits == 0 {
+                    continue;
+                }
+                let walls = map.walls(index);
+                for layer in 0..=walls.len().min(WALLS) {
+                    // Layers are filled in order: those with no wall in the next are done.
+                    let more = walls
+                        .get(layer)
+                        .map_or(0, |wall| L::bits(L::load(&wall.distance).less(L::splat(f32::INFINITY))));
+                    let here = bits & !more;
+                    bits &= more;
+                    for (events, some) in [(false, here & first_events), (true, here & !first_events)] {
+                        if some == 0 {
+                            continue;
+                        }
+                        let kind = kind(events, layer);
+                        let near = near[kind].get_or_insert_with(|| Near::new(layer));
+                        for axis in 0..3 {
+                            near.write(axis, x[axis], some);
+                            near.write(4 + axis, L::load(&block.direction[axis]), some);
+                            near.write(7 + axis, L::load(&block.power[axis]), some);
+                        }
+                        near.write(3, inverse_square, some);
+                        for (wall, index) in walls[..layer].iter().zip((FIELDS..).step_by(WALL_FIELDS)) {
+                            for axis in 0..3 {
+                                near.write(index + axis, L::load(&wall.normal[axis]), some);
+                            }
+                            near.write(index + 3, L::load(&wall.distance), some);
+                        }
+                        near.len += some.count_ones() as usize;
+                        if near.len + LANES > NEAR {
+                            serve(kind, near);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Takes photons near the bundle to a group's frame, and evaluates them there.
+struct Shift<'a, P> {
+    bundle: &'a Bundle<'a>,
+    phase: P,
+    near: &'a Near,
+    kind: usize,
+    group: &'a mut Group,
+    plain: &'a mut Chunk,
+    careful: &'a mut Chunk,
+    lists: &'a mut [[u32; CHUNK_STRIDE]; VECTORS],
+    stats: &'a mut GatherStats,
+}
+
+impl<P: Evaluate> Task for Shift<'_, P> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let Shift { bundle, phase, near, kind, group, plain, careful, lists, stats } = self;
+        let (walls, part) = (kind / 2, kind % 2);
+        let axes = [splat3::<L>(group.axes[0]), splat3(group.axes[1]), splat3(group.axes[2])];
+        let offset = splat3::<L>(group.offset);
+        let zero = L::splat(0.0);
+        let around = group.around.lanes::<L>();
+        let (any_start, any_end) = (L::splat(group.any[0]), L::splat(group.any[1]));
+        let (all_start, all_end) = (L::splat(group.all[0]), L::splat(group.all[1]));
+        // |z| of a foot point deviates from that of its photon by the radius times the slope.
+        let slope = L::splat(group.around.widening + group.around.slope[0].hypot(group.around.slope[1]) + 1e-5);
+        let start = L::splat(group.zero);
+        let sigma = bundle.extinction;
+        let exponents = (sigma.as_dvec3() * -LOG2_E).as_vec3().to_array();
+        let grey = exponents[0] == exponents[1] && exponents[0] == exponents[2];
+        let thirds = L::splat(sigma.element_sum() * (2.0 / 9.0));
+        plain.len = 0;
+        careful.len = 0;
+        for at in (0..near.len).step_by(LANES) {
+            let x = [near.load::<L>(0, at), near.load(1, at), near.load(2, at)];
+            let inverse_square = near.load::<L>(3, at);
+            let a = dot_plus(&x, &axes[0], offset[0]);
+            let b = dot_plus(&x, &axes[1], offset[1]);
+            let z = dot_plus(&x, &axes[2], offset[2]);
+            let r = inverse_square.rsqrt();
+            let between = L::and(any_start.less(z.add(r)), z.sub(r).less(any_end));
+            let valid = u16::MAX >> (LANES - (near.len - at).min(LANES));
+            let hit = L::bits(L::and(around.meets(a, b, z, r), between)) & valid;
+            if hit == 0 {
+                continue;
+            }
+            let direction = [near.load::<L>(4, at), near.load(5, at), near.load(6, at)];
+            let d = [
+                dot_plus(&direction, &axes[0], zero),
+                dot_plus(&direction, &axes[1], zero),
+                dot_plus(&direction, &axes[2], zero),
+            ];
+            let (value, kappa) = phase.near_axis(&d);
+            let depth = z.sub(start);
+            let first = value.mul(depth.mul(L::splat(exponents[0])).exp2());
+            let weights = if grey {
+                [first; 3]
+            } else {
+                [
+                    first,
+                    value.mul(depth.mul(L::splat(exponents[1])).exp2()),
+                    value.mul(depth.mul(L::splat(exponents[2])).exp2()),
+                ]
+            };
+            let fields = [
+                a,
+                b,
+                z,
+                inverse_square,
+                a.mul_add(thirds, kappa.mul(d[0])),
+                b.mul_add(thirds, kappa.mul(d[1])),
+                z.mul_add(thirds, kappa.mul(d[2])),
+                near.load::<L>(7, at).mul(weights[0]),
+                near.load::<L>(8, at).mul(weights[1]),
+                near.load::<L>(9, at).mul(weights[2]),
+            ];
+            let margin = r.mul(slope);
+            let inside = L::bits(L::and(all_start.less(z.sub(margin)), z.add(margin).less(all_end)));
+            let safe = if walls == 0 { hit & inside } else { 0 };
+            if safe != 0 {
+                for index in 0..FIELDS {
+                    plain.write(index, fields[index], safe);
+                }
+                plain.len += safe.count_ones() as usize;
+                if plain.len + LANES > CHUNK {
+                    evaluate::<L, P>(plain, group, part, lists, stats);
+                }
+            }
+            let unsafe_ones = hit & !safe;
+            if unsafe_ones != 0 {
+                for index in 0..FIELDS {
+                    careful.write(index, fields[index], unsafe_ones);
+                }
+                careful.write(10, inverse_square.mul(r), unsafe_ones);
+                for wall in 0..walls {
+                    let (from, to) = (FIELDS + WALL_FIELDS * wall, 11 + WALL_FIELDS * wall);
+                    let normal = [near.load::<L>(from, at), near.load(from + 1, at), near.load(from + 2, at)];
+                    for axis in 0..3 {
+                        careful.write(to + axis, dot_plus(&normal, &axes[axis], zero), unsafe_ones);
+                    }
+                    careful.write(to + 3, near.load::<L>(from + 3, at), unsafe_ones);
+                }
+                careful.len += unsafe_ones.count_ones() as usize;
+                if careful.len + LANES > CHUNK {
+                    evaluate_carefully::<L, P>(careful, walls, group, part, lists, stats);
+                }
+            }
+        }
+        evaluate::<L, P>(plain, group, part, lists, stats);
+        evaluate_carefully::<L, P>(careful, walls, group, part, lists, stats);
+    }
+}
+
+/// One ray vector, loaded.
+#[derive(Clone, Copy)]
+struct Rays<L> {
+    offset: [L; 2],
+    slope: [L; 2],
+    bend: L,
+}
+
+impl Vector {
+    #[inline(always)]
+    fn load<L: Lanes>(&self) -> Rays<L> {
+        Rays {
+            offset: [L::load(&self.offset[0]), L::load(&self.offset[1])],
+            slope: [L::load(&self.slope[0]), L::load(&self.slope[1])],
+            bend: L::load(&self.bend),
+        }
+    }
+}
+
+/// A photon of a chunk, in every lane.
+#[derive(Clone, Copy)]
+struct Spread<L> {
+    place: [L; 3],
+    inverse_square: L,
+    change: [L; 3],
+    power: [L; 3],
+}
+
+impl Chunk {
+    #[inline(always)]
+    fn spread<L: Lanes>(&self, index: usize) -> Spread<L> {
+        // Below CHUNK anyway; so the compiler knows.
+        let index = index % CHUNK;
+        let of = |field: usize| L::splat(self.fields[field][index]);
+        Spread {
+            place: [of(0), of(1), of(2)],
+            inverse_square: of(3),
+            change: [of(4), of(5), of(6)],
+            power: [of(7), of(8), of(9)],
+        }
+    }
+}
+
+/// (1 + d)^{−3/2} to fourth order.
+#[inline(always)]
+fn series<L: Lanes>(d: L) -> L {
+    let p = L::splat(2.460_937_5).mul_add(d, L::splat(-2.1875));
+    let p = p.mul_add(d, L::splat(1.875));
+    let p = p.mul_add(d, L::splat(-1.5));
+    p.mul_add(d, L::splat(1.0))
+}
+
+impl<L: Lanes> Rays<L> {
+    /// The photon's offset from the rays.
+    #[inline(always)]
+    fn aside<const PINHOLE: bool>(&self, photon: &Spread<L>) -> [L; 2] {
+        let [a, b, z] = photon.place;
+        if PINHOLE {
+            [z.neg_mul_add(self.slope[0], a), z.neg_mul_add(self.slope[1], b)]
+        } else {
+            [z.neg_mul_add(self.slope[0], a.sub(self.offset[0])), z.neg_mul_add(self.slope[1], b.sub(self.offset[1]))]
+        }
+    }
+
+    /// 1 − ρ²/r², 0 outside of the disc.
+    #[inline(always)]
+    fn inside(&self, aside: &[L; 2], photon: &Spread<L>) -> L {
+        let square = aside[0].mul_add(aside[0], aside[1].mul(aside[1]));
+        square.neg_mul_add(photon.inverse_square, L::splat(1.0)).max(L::splat(0.0))
+    }
+
+    /// The kernel's shape times how phase function and transmittance vary.
+    #[inline(always)]
+    fn weight<const EVEN: bool>(&self, q: L, photon: &Spread<L>) -> L {
+        let [x, y, z] = photon.change;
+        let d = x.mul_add(self.slope[0], y.mul_add(self.slope[1], z.mul(self.bend)));
+        let varied = if EVEN { d.mul_add(L::splat(-1.5), L::splat(1.0)) } else { series(d) };
+        q.mul(q).mul(varied)
+    }
+}
+
+#[inline(always)]
+fn accumulate<L: Lanes>(sums: &mut [L; 3], weight: L, photon: &Spread<L>) {
+    for channel in 0..3 {
+        sums[channel] = weight.mul_add(photon.power[channel], sums[channel]);
+    }
+}
+
+#[inline(always)]
+fn add_to_rows<L: Lanes>(rows: &mut [Row; 3], sums: &[L; 3]) {
+    for channel in 0..3 {
+        L::load(&rows[channel]).add(sums[channel]).store(&mut rows[channel]);
+    }
+}
+
+/// Lists which photons of a chunk each vector may meet. Returns their numbers.
+#[inline(always)]
+fn list<L: Lanes>(chunk: &Chunk, group: &Group, lists: &mut [[u32; CHUNK_STRIDE]; VECTORS]) -> [usize; VECTORS] {
+    let mut counts = [0; VECTORS];
+    for (vector, list) in lists.iter_mut().enumerate().take(group.vectors()) {
+        let around = group.near[vector].lanes::<L>();
+        let mut count = 0;
+        for at in (0..chunk.len).step_by(LANES) {
+            let load = |field: usize| L::load_front(&chunk.fields[field][at..]);
+            let hit = L::bits(around.meets(load(0), load(1), load(2), load(3).rsqrt()));
+            let hit = hit & u16::MAX >> (LANES - (chunk.len - at).min(LANES));
+            let mut indices = [at as u32; LANES];
+            for (lane, index) in indices.iter_mut().enumerate() {
+                *index += lane as u32;
+            }
+            if let Some(out) = list[count..].first_chunk_mut() {
+                L::compress_indices(&indices, hit, out);
+                count += hit.count_ones() as usize;
+            }
+        }
+        counts[vector] = count;
+    }
+    counts
+}
+
+/// Adds what the photons of a chunk contribute, those that lie between the ends of all rays and near no wall.
+#[inline(always)]
+fn evaluate<L: Lanes, P: Evaluate>(
+    chunk: &mut Chunk,
+    group: &mut Group,
+    part: usize,
+    lists: &mut [[u32; CHUNK_STRIDE]; VECTORS],
+    stats: &mut GatherStats,
+) {
+    if chunk.len == 0 {
+        return;
+    }
+    let counts = list::<L>(chunk, group, lists);
+    let listed: usize = counts.iter().sum();
+    let dense = group.vectors() == VECTORS && listed as f32 >= SPARSE * (VECTORS * chunk.len) as f32;
+    let (tested, met) = match (dense, group.pinhole) {
+        (true, true) => evaluate_dense::<L, P, true>(chunk, group, part),
+        (true, false) => evaluate_dense::<L, P, false>(chunk, group, part),
+        (false, true) => evaluate_listed::<L, P, true>(chunk, group, part, lists, &counts),
+        (false, false) => evaluate_listed::<L, P, false>(chunk, group, part, lists, &counts),
+    };
+    stats.blocks += tested;
+    stats.photons += met;
+    chunk.len = 0;
+}
+
+#[inline(always)]
+fn evaluate_dense<L: Lanes, P: Evaluate, const PINHOLE: bool>(
+    chunk: &Chunk,
+    group: &mut Group,
+    part: usize,
+) -> (u64, u64) {
+    let rays = [group.rays[0].load(), group.rays[1].load(), group.rays[2].load(), group.rays[3].load()];
+    let mut sums = [[L::splat(0.0); 3]; VECTORS];
+    let mut met = 0;
+    for index in 0..chunk.len {
+        let photon = chunk.spread::<L>(index);
+        for vector in 0..VECTORS {
+            let q = rays[vector].inside(&rays[vector].aside::<PINHOLE>(&photon), &photon);
+            let weight = if P::EVEN {
+                rays[vector].weight::<true>(q, &photon)
+            } else {
+                rays[vector].weight::<false>(q, &photon)
+            };
+            accumulate(&mut sums[vector], weight, &photon);
+            met += u64::from(L::bits(L::splat(0.0).less(q)).count_ones());
+        }
+    }
+    for (rows, sums) in group.sums[part].iter_mut().zip(&sums) {
+        add_to_rows(rows, sums);
+    }
+    ((VECTORS * chunk.len) as u64, met)
+}
+
+#[inline(always)]
+fn evaluate_listed<L: Lanes, P: Evaluate, const PINHOLE: bool>(
+    chunk: &Chunk,
+    group: &mut Group,
+    part: usize,
+    lists: &[[u32; CHUNK_STRIDE]; VECTORS],
+    counts: &[usize; VECTORS],
+) -> (u64, u64) {
+    let (mut tested, mut met) = (0, 0);
+    for vector in 0..group.vectors() {
+        let rays = group.rays[vector].load::<L>();
+        let mut sums = [L::splat(0.0); 3];
+        for &index in &lists[vector][..counts[vector]] {
+            let photon = chunk.spread::<L>(index as usize);
+            let q = rays.inside(&rays.aside::<PINHOLE>(&photon), &photon);
+            let weight = if P::EVEN { rays.weight::<true>(q, &photon) } else { rays.weight::<false>(q, &photon) };
+            accumulate(&mut sums, weight, &photon);
+            met += u64::from(L::bits(L::splat(0.0).less(q)).count_ones());
+        }
+        tested += counts[vector] as u64;
+        add_to_rows(&mut group.sums[part][vector], &sums);
+    }
+    (tested, met)
+}
+
+/// The same for photons near walls or near an end of a ray.
+#[inline(always)]
+fn evaluate_carefully<L: Lanes, P: Evaluate>(
+    chunk: &mut Chunk,
+    walls: usize,
+    group: &mut Group,
+    part: usize,
+    lists: &mut [[u32; CHUNK_STRIDE]; VECTORS],
+    stats: &mut GatherStats,
+) {
+    if chunk.len == 0 {
+        return;
+    }
+    let counts = list::<L>(chunk, group, lists);
+    let zero = L::splat(0.0);
+    for vector in 0..group.vectors() {
+        let rays = group.rays[vector].load::<L>();
+        let (start, end) = (L::load(&group.rays[vector].start), L::load(&group.rays[vector].end));
+        let mut sums = [zero; 3];
+        for &index in &lists[vector][..counts[vector]] {
+            let photon = chunk.spread::<L>(index as usize);
+            let aside = rays.aside::<false>(&photon);
+            let q = rays.inside(&aside, &photon);
+            // The foot point lies nearer to where the ray leans.
+            let foot = aside[0].mul_add(rays.slope[0], aside[1].mul_add(rays.slope[1], photon.place[2]));
+            let mut mask = L::and(zero.less(q), L::and(start.less(foot), foot.less(end)));
+            let mut weight = if P::EVEN { rays.weight::<true>(q, &photon) } else { rays.weight::<false>(q, &photon) };
+            let index = index as usize % CHUNK;
+            let of = |field: usize| L::splat(chunk.fields[field][index]);
+            let inverse = of(10);
+            for wall in (11..).step_by(WALL_FIELDS).take(walls) {
+                // The normal across the ray; the foot point's height; the disc's distance from the wall.
+                let lean = of(wall + 2);
+                let x = lean.neg_mul_add(rays.slope[0], of(wall));
+                let y = lean.neg_mul_add(rays.slope[1], of(wall + 1));
+                let height = y.neg_mul_add(aside[1], x.neg_mul_add(aside[0], of(wall + 3)));
+                let sin2 = x.mul_add(x, y.mul(y)).max(L::splat(f32::MIN_POSITIVE));
+                let s = height.mul(inverse).mul(sin2.rsqrt());
+                weight = weight.mul(inverse_disc_share_lanes(s));
+                mask = L::and(mask, zero.less(height));
+            }
+            accumulate(&mut sums, weight.keep(mask), &photon);
+            stats.photons += u64::from(L::bits(mask).count_ones());
+        }
+        stats.blocks += counts[vector] as u64;
+        add_to_rows(&mut group.sums[part][vector], &sums);
+    }
+    chunk.len = 0;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gather::Lobe;
+    use crate::math::random::{Purpose, Stream};
+    use crate::math::sampling;
+    use crate::photon::{MapSettings, Photon, Plane, Radius};
+    use smallvec::SmallVec;
+
+    /// Photons in the cube [−1, 1]³, denser towards its middle.
+    fn photons(count: usize) -> Vec<Photon> {
+        let mut stream = Stream::new(21, Purpose::Test, 0, 0);
+        let mut coordinate = |i: usize| {
+            let u = 2.0 * stream.uniform() - 1.0;
+            if i.is_multiple_of(3) { u.powi(3) } else { u }
+        };
+        let positions: Vec<DVec3> =
+            (0..count).map(|i| DVec3::new(coordinate(i), coordinate(i), coordinate(i))).collect();
+        positions
+            .into_iter()
+            .map(|position| Photon {
+                position: position.as_vec3(),
+                direction: sampling::sphere(stream.uniform2()).as_vec3(),
+                power: Vec3::new(stream.uniform() as f32, stream.uniform() as f32, 0.5),
+                events: (4.0 * stream.uniform()) as u8,
+            })
+            .collect()
+    }
+
+    /// The cube's faces as walls.
+    fn room(x: Vec3, r: f32, planes: &mut SmallVec<[Plane; 3]>) {
+        for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
+            for normal in [axis, -axis] {
+                let distance = 1.0 + x.dot(normal);
+                if distance < 2.0 * r {
+                    planes.push(Plane { normal, distance });
+                }
+            }
+        }
+    }
+
+    /// Rays from a lens of this radius at `from` through 8 × 8 pixels, four each, each pixel `pixel` wide.
+    fn rays(from: DVec3, lens: f64, pixel: f64, (a, b): (f64, f64)) -> Vec<(Ray, f64, f64)> {
+        let mut stream = Stream::new(22, Purpose::Test, 0, 0);
+        let frame = Frame::around((DVec3::new(0.1, -0.2, 0.05) - from).normalize());
+        let distance = from.length();
+        (0..256u32)
+            .map(|i| {
+                let code = i / 4;
+                let half = |code: u32| f64::from(code & 1 | code >> 1 & 2 | code >> 2 & 4);
+                let [u, v] = stream.uniform2();
+                let (x, y) = (pixel * (half(code) + u), pixel * (half(code >> 1) + v));
+                let (p, q) = sampling::disc(stream.uniform2());
+                let start = from + lens * (p * frame.x + q * frame.y);
+                let target = from + distance * (frame.z + x * frame.x + y * frame.y);
+                let jitter = 0.01 * stream.uniform();
+                (Ray::new(start, (target - start).normalize()), a + jitter, b - jitter)
+            })
+            .collect()
+    }
+
+    #[test]
+    fn bundles_gather_what_their_rays_gather() {
+        let lobes = [
+            PhaseLanes::new(Lobe::Isotropic),
+            PhaseLanes::new(Lobe::HenyeyGreenstein(0.75)),
+            PhaseLanes::new(Lobe::HenyeyGreenstein(-0.93)),
+            PhaseLanes::new(Lobe::Schlick(0.6)),
+            PhaseLanes::new(Lobe::Rayleigh),
+            PhaseLanes::mixture(&[(0.7, Lobe::HenyeyGreenstein(0.8)), (0.3, Lobe::Schlick(-0.4))]),
+            PhaseLanes::mixture(&[(0.55, Lobe::HenyeyGreenstein(0.97)), (0.45, Lobe::Draine(-0.5, 17.0))]),
+        ];
+        let far = DVec3::new(3.0, 1.0, -4.0);
+        let views = [
+            ("outside", rays(far, 0.0, 0.003, (0.0, f64::INFINITY))),
+            ("through a lens", rays(far, 0.05, 0.003, (0.0, f64::INFINITY))),
+            ("from within", rays(DVec3::new(0.3, 0.2, -0.4), 0.0, 0.004, (0.1, 0.8))),
+            ("from far away", rays(1e5 * far, 1e-3, 1e-8, (509_899.5, 509_904.0))),
+            ("wide", rays(far, 0.0, 0.2, (0.0, f64::INFINITY))),
+        ];
+        let photons = photons(20_000);
+        let variable = Radius::Variable { neighbours: 60, pilot: 8, max_radius: 0.3 };
+        for (tagged, walled) in [(false, false), (true, true)] {
+            let settings = MapSettings { tagged, ..MapSettings::new(variable) };
+            let planes = |x: Vec3, r: f32, planes: &mut SmallVec<[Plane; 3]>| {
+                if walled {
+                    room(x, r, planes);
+                }
+            };
+            let map = PhotonMap::build(photons.clone(), &settings, &planes);
+            let (mut scratch, mut gathered) = (BundleScratch::default(), Vec::new());
+            for (name, rays) in &views {
+                for (number, phase) in lobes.iter().enumerate() {
+                    let extinction = if number % 2 == 0 { Vec3::splat(0.7) } else { Vec3::new(0.2, 0.9, 2.0) };
+                    let max_events = if tagged && number > 2 { 2 } else { u8::MAX };
+                    let bundle = Bundle { rays, phase, extinction, max_events };
+                    let mut stats = GatherStats::default();
+                    map.gather_bundle(&bundle, &mut scratch, &mut stats, &mut gathered);
+                    assert_eq!(gathered.len(), rays.len());
+                    let (mut seen, mut squares, mut largest) = (0.0, 0.0, 0.0f64);
+                    for ((ray, a, b), bundled) in rays.iter().zip(&gathered) {
+                        let query = BeamQuery {
+                            origin: ray.at(*a),
+                            direction: ray.direction,
+                            length: (b - a) as f32,
+                            phase,
+                            extinction,
+                            depth: None,
+                            max_events,
+                        };
+                        let single = map.gather(&query, &mut GatherStats::default());
+                        for c in 0..3 {
+                            seen += f64::from(single.total[c]).powi(2);
+                            for (x, y) in [(single.total, bundled.total), (single.single, bundled.single)] {
+                                let off = f64::from(x[c] - y[c]).abs();
+                                squares += off.powi(2);
+                                largest = largest.max(off / f64::from(single.total[c].max(f32::MIN_POSITIVE)));
+                            }
+                        }
+                    }
+                    assert!(seen > 0.0, "{name}, phase {number}: nothing seen");
+                    let off = (squares / seen).sqrt();
+                    // Single rays may have a photon on their end, on one side of it here, on the other there.
+                    assert!(
+                        off < 3e-4 && largest < 4e-3,
+                        "{name}, phase {number}, walls {walled}: {off:.1e} {largest:.1e}"
+                    );
+                }
+            }
+        }
+    }
+}
