@@ -10,6 +10,7 @@ mod determinism;
 mod kinds;
 mod references;
 mod scene_files;
+mod single_scattering;
 mod slab;
 mod stress;
 mod vdb;

@@ -153,7 +153,7 @@ radius = 0.1
 neighbours = 50
 pilot = 8
 max_radius = 0.5
-single_scattering = "photons"
+single_scattering = "approximate"
 "#;
 
 const CAMERA: &str = "[camera]\nposition = [0, 0, 4]\ntarget = [0, 0, 0]\n";
@@ -282,6 +282,7 @@ fn every_key_is_read_as_the_manual_says() {
         neighbours: Some(50),
         pilot: Some(8),
         max_radius: Some(0.5),
+        single_scattering: SingleScattering::Approximate,
     };
     assert_eq!(scene.volume, volume);
 }
@@ -611,8 +612,6 @@ const LATER: &[&str] = &[
     "[volume]\nestimate = \"point\"\n",
     "[volume]\nprofile = \"epanechnikov\"\n",
     "[volume]\nprofile = \"constant\"\n",
-    "[volume]\nsingle_scattering = \"traced\"\n",
-    "[volume]\nsingle_scattering = \"approximate\"\n",
     "[volume]\nmarch = { step = \"exponential\", size = 0.25, contrast = 0.1 }\n",
     "[surface]\nindirect = \"final_gather\"\n",
     "[surface]\nestimate = \"knn\"\n",

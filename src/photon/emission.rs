@@ -31,6 +31,8 @@ pub struct Start {
     pub power: Rgb,
     /// The solids around.
     pub inside: Inside,
+    /// Whether it comes from a light, not from a glowing medium.
+    pub from_light: bool,
 }
 
 impl<'s> Sources<'s> {
@@ -87,7 +89,12 @@ impl<'s> Sources<'s> {
         let (point, density) = glow.draw(stream);
         let (radiated, inside) = glow.radiated(self.scene, point)?;
         let direction = sampling::sphere(stream.uniform2()).normalize();
-        Some(Start { ray: Ray::new(point, direction), power: radiated * (4.0 * PI / density), inside })
+        Some(Start {
+            ray: Ray::new(point, direction),
+            power: radiated * (4.0 * PI / density),
+            inside,
+            from_light: false,
+        })
     }
 
     fn start_at_light(&self, index: u32, inside: Option<&Inside>, stream: &mut Stream) -> Option<Start> {
@@ -100,9 +107,9 @@ impl<'s> Sources<'s> {
                 let back = Ray::new(ray.origin, -ray.direction);
                 power *= medium.transmittance(medium.density.depth(&back, 0.0, f64::INFINITY));
             }
-            return Some(Start { ray, power, inside: Inside::default() });
+            return Some(Start { ray, power, inside: Inside::default(), from_light: true });
         }
         let inside = inside.cloned().unwrap_or_else(|| self.scene.inside(ray.origin));
-        Some(Start { ray, power, inside })
+        Some(Start { ray, power, inside, from_light: true })
     }
 }

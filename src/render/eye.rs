@@ -12,10 +12,11 @@ use crate::gather::{self, Gathered, Queue, Reach, VolumeMaps};
 use crate::light::Light;
 use crate::math::{DVec3, Ray, Rgb, Stream};
 use crate::medium::{Emission, Medium};
+use crate::scene::description::SingleScattering;
 use crate::scene::{Inside, Scene};
 use crate::transport::{
     self, Crossing, Ember, Glows, Interaction, Reflection, Rival, Segment, Side, Stop, Tally, Visitor, Walk,
-    light_density, shares, survive, transmit,
+    light_density, shares, survive, transmit, transmit_straight,
 };
 
 /// The components of light transport, by the first event on the eye's side.
@@ -403,6 +404,11 @@ impl<'s> Eye<'s> {
         path.events += 1;
         path.first.get_or_insert(First::Medium);
         let medium = &self.scene.media[medium as usize];
+        if let Some(ember) = self.glows.draw(collision.point, context.stream) {
+            let phase = medium.phase.between(walk.ray.direction, ember.direction);
+            let towards = (Ray::new(collision.point, ember.direction), &walk.inside);
+            self.light_by_glow(path, &ember, (medium.albedo * phase, phase), towards, sample, context);
+        }
         self.light_medium(path, &collision, &walk.inside, medium, sample, context);
         if !survive(&mut path.weight, medium.albedo, context.stream) {
             return false;
@@ -425,22 +431,54 @@ impl<'s> Eye<'s> {
         context: &mut Context<'_>,
     ) {
         let point = collision.point;
-        if let Some(ember) = self.glows.draw(point, context.stream) {
-            let phase = medium.phase.between(collision.stretch.ray.direction, ember.direction);
-            let towards = Ray::new(point, ember.direction);
-            self.light_by_glow(path, &ember, (medium.albedo * phase, phase), (towards, inside), sample, context);
-        }
         let Some((index, choice)) = self.scene.choose_light(point, context.stream) else { return };
         let light = &self.scene.lights[index as usize];
         let Some(arrival) = light.arrive(&self.scene.geometry, point, context.stream) else { return };
         let phase = medium.phase.between(collision.stretch.ray.direction, arrival.direction);
         let asked = choice * arrival.density;
-        let by_chance = if arrival.has_size { phase } else { 0.0 };
+        let by_chance = if arrival.has_size && !self.straight_on() { phase } else { 0.0 };
         let other = equiangular::density(self.scene, &collision.stretch, collision.t, index, &arrival);
         let share = asked / (asked + by_chance + other / collision.flight_density);
         let mut weight = path.weight * medium.albedo * arrival.radiance * (phase * share / asked);
-        transmit(self.scene, Ray::new(point, arrival.direction), inside, arrival.distance, &mut weight, context.stream);
+        let towards = Ray::new(point, arrival.direction);
+        self.transmit_to_medium(path, towards, inside, arrival.distance, &mut weight, context.stream);
         sample.radiance[path.component(true) as usize] += weight;
+    }
+
+    /// Whether light to a medium goes straight on through refracting boundaries.
+    fn straight_on(&self) -> bool {
+        matches!(self.mode, Mode::Gather(_)) && self.scene.volume.single_scattering == SingleScattering::Approximate
+    }
+
+    /// What passes from a light to the collision where `path` turned.
+    fn transmit_to_medium(
+        &self,
+        path: &Path,
+        ray: Ray,
+        inside: &Inside,
+        distance: f64,
+        weight: &mut Rgb,
+        stream: &mut Stream,
+    ) {
+        if self.straight_on() {
+            let most = match self.scene.render.max_depth as u64 {
+                0 => u64::MAX,
+                most => most.saturating_sub(path.events),
+            };
+            transmit_straight(self.scene, ray, inside, distance, most, weight, stream);
+        } else {
+            transmit(self.scene, ray, inside, distance, weight, stream);
+        }
+    }
+
+    /// Light that a path meets by chance on a shape that shines.
+    fn meet(&self, path: &Path, crossing: &Crossing<'_>, sample: &mut Sample) {
+        let Light::Area(area) = &self.scene.lights[crossing.light as usize] else { return };
+        let radiance = area.radiance(crossing.hit.normal, -crossing.ray.direction);
+        if radiance.max_element() > 0.0 {
+            let share = self.share_by_chance(path, crossing);
+            sample.radiance[path.component(true) as usize] += path.weight * radiance * share;
+        }
     }
 
     /// Light from infinity, met by chance.
@@ -498,7 +536,7 @@ impl Visitor for Passage<'_, '_, '_> {
         }
         let stretch = Stretch::new(segment, medium, self.path.weight);
         if medium.scatters() && self.eye.may_go_on(self.path.events) {
-            self.scatter_once(segment, &stretch, medium);
+            self.scatter_once(segment, &stretch, medium, self.split);
         }
         if self.split {
             self.split(segment, stretch, medium);
@@ -508,12 +546,27 @@ impl Visitor for Passage<'_, '_, '_> {
     }
 
     fn crossing(&mut self, crossing: &Crossing<'_>) {
-        let Light::Area(area) = &self.eye.scene.lights[crossing.light as usize] else { return };
-        let radiance = area.radiance(crossing.hit.normal, -crossing.ray.direction);
-        if radiance.max_element() > 0.0 {
-            let share = self.eye.share_by_chance(self.path, crossing);
-            self.sample.radiance[self.path.component(true) as usize] += self.path.weight * radiance * share;
-        }
+        self.eye.meet(self.path, crossing, self.sample);
+    }
+}
+
+/// Light met by chance from a collision: no more is done to it than to pass.
+struct Arriving<'p, 'c, 's> {
+    eye: &'p Eye<'s>,
+    path: &'p mut Path,
+    sample: &'p mut Sample,
+    stream: &'c mut Stream,
+}
+
+impl Visitor for Arriving<'_, '_, '_> {
+    fn segment(&mut self, segment: &Segment<'_>) -> ControlFlow<()> {
+        let medium = &self.eye.scene.media[segment.medium as usize];
+        transport::pass(medium, segment.ray, (segment.a, segment.b), &mut self.path.weight, self.stream);
+        if self.path.weight.max_element() > 0.0 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    }
+
+    fn crossing(&mut self, crossing: &Crossing<'_>) {
+        self.eye.meet(self.path, crossing, self.sample);
     }
 }
 
@@ -547,6 +600,9 @@ impl Passage<'_, '_, '_> {
     fn gather(&mut self, maps: &VolumeMaps, segment: &Segment<'_>, medium: &Medium) {
         let scene = self.eye.scene;
         self.glow(segment, medium);
+        if scene.volume.single_scattering != SingleScattering::Photons {
+            self.trace_single(segment, medium);
+        }
         // A photon's events, this scattering and those on the eye's side.
         let most = scene.render.max_depth as u64;
         let allowed = most.checked_sub(self.path.events + 1);
@@ -618,9 +674,46 @@ impl Passage<'_, '_, '_> {
         }
     }
 
+    /// Light straight from a light, scattered once on a segment: the path tracer's first collision and no more.
+    fn trace_single(&mut self, segment: &Segment<'_>, medium: &Medium) {
+        let eye = self.eye;
+        if !medium.scatters() || !eye.may_go_on(self.path.events) {
+            return;
+        }
+        let mut stretch = Stretch::new(segment, medium, self.path.weight);
+        self.scatter_once(segment, &stretch, medium, true);
+
+        // A collision in proportion to what arrives from there, and light asked for at it.
+        let (ray, range, weight) = (segment.ray, (segment.a, segment.b), self.path.weight);
+        let forced = transport::force(medium, ray, range, weight, self.context.stream);
+        let Some((t, weight)) = forced.collision else { return };
+        stretch.chance = forced.chance;
+        let flight_density = stretch.flight_density(medium, t);
+        let mut collision = Collision { point: ray.at(t), stretch, t, flight_density, phase_density: 0.0 };
+        let mut path = Path { weight, ..self.path.clone() };
+        path.events += 1;
+        path.first.get_or_insert(First::Medium);
+        eye.light_medium(&path, &collision, segment.inside, medium, self.sample, self.context);
+
+        // Light met there by chance: what wide lights and sharp phase functions need.
+        if eye.straight_on() || !eye.scene.lights.iter().any(Light::has_size) {
+            return;
+        }
+        let (direction, density) = medium.phase.sample(ray.direction, self.context.stream);
+        collision.phase_density = density;
+        path.weight *= medium.albedo;
+        let mut walk = Walk::new(eye.scene, Ray::new(collision.point, direction), segment.inside.clone());
+        path.previous = Previous::Medium(collision);
+        let mut arriving = Arriving { eye, path: &mut path, sample: self.sample, stream: self.context.stream };
+        if let Stop::Escaped = walk.advance(&mut arriving) {
+            eye.escape(direction, &path, self.sample);
+        }
+    }
+
     /// Light straight from a light, scattered where an equiangular draw says: finds what collisions by
     /// chance find badly, close to small lights and in thin media.
-    fn scatter_once(&mut self, segment: &Segment<'_>, stretch: &Stretch, medium: &Medium) {
+    /// `certain`: collisions are not left to chance.
+    fn scatter_once(&mut self, segment: &Segment<'_>, stretch: &Stretch, medium: &Medium, certain: bool) {
         let scene = self.eye.scene;
         let Some(draw) = equiangular::draw(scene, stretch, self.context.stream) else { return };
         let point = segment.ray.at(draw.t);
@@ -629,7 +722,7 @@ impl Passage<'_, '_, '_> {
             return;
         }
         let phase = medium.phase.between(segment.ray.direction, draw.arrival.direction);
-        let by_flight = if self.split {
+        let by_flight = if certain {
             let depth = medium.density.depth(segment.ray, segment.a, segment.b);
             let mut split = stretch.clone();
             split.chance = (shares(stretch.weight) * (Rgb::ONE - medium.transmittance(depth))).element_sum();
@@ -638,7 +731,7 @@ impl Passage<'_, '_, '_> {
             stretch.flight_density(medium, draw.t)
         };
         let asked = scene.light_choice(draw.light, point) * draw.arrival.density;
-        let by_chance = if draw.arrival.has_size { phase } else { 0.0 };
+        let by_chance = if draw.arrival.has_size && !self.eye.straight_on() { phase } else { 0.0 };
         let share = draw.density / (draw.density + by_flight * (asked + by_chance));
         let scattering = medium.extinction * medium.albedo * density;
         let mut weight = self.path.weight * scattering * draw.arrival.radiance * (phase * share / draw.density);
@@ -647,10 +740,11 @@ impl Passage<'_, '_, '_> {
             return;
         }
         let towards = Ray::new(point, draw.arrival.direction);
-        transmit(scene, towards, segment.inside, draw.arrival.distance, &mut weight, self.context.stream);
         let mut once = self.path.clone();
         once.events += 1;
         once.first.get_or_insert(First::Medium);
+        let (inside, distance) = (segment.inside, draw.arrival.distance);
+        self.eye.transmit_to_medium(&once, towards, inside, distance, &mut weight, self.context.stream);
         self.sample.radiance[once.component(true) as usize] += weight;
     }
 }

@@ -12,7 +12,7 @@ use crate::medium::Medium;
 use crate::medium::density::Density;
 use crate::photon::{self, MapSettings, Photon, PhotonMap, Radii, walls};
 use crate::scene::Scene;
-use crate::scene::description::Method;
+use crate::scene::description::{Method, SingleScattering};
 use crate::transport::Tally;
 use crate::{Error, Result};
 
@@ -180,7 +180,9 @@ impl<P: Progress> Renderer<'_, P> {
             return empty();
         }
         if pass == 0 {
-            self.warnings.extend(sparse_map(&self.plan, &traced));
+            if scene.volume.single_scattering == SingleScattering::Photons || traced.stored() > 0 {
+                self.warnings.extend(sparse_map(&self.plan, &traced));
+            }
             self.warnings.extend(endless_glow(scene));
         }
 

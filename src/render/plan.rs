@@ -3,7 +3,7 @@
 use crate::math::random::Purpose;
 use crate::math::{DVec3, Rgb, Stream};
 use crate::photon::Radius;
-use crate::scene::description::{Kernel, Method};
+use crate::scene::description::{Kernel, Method, SingleScattering};
 use crate::scene::{Inside, Scene};
 use crate::transport::{Crossing, Segment, Side, Stop, Tally, Visitor, Walk, fly, survive};
 use crate::{Error, Result};
@@ -60,6 +60,10 @@ impl Plan {
         let gathers = render.method == Method::Photon
             && scatters
             && (!scene.lights.is_empty() || scene.media.iter().any(|m| m.glows()));
+        // Light that shadow rays find needs no photons, if it is all there may be.
+        let single_alone = render.max_depth == 1
+            && scene.volume.single_scattering != SingleScattering::Photons
+            && scene.glows.is_empty();
         let passes = if scene.film.standard_error { SUB_PASSES } else { 1 };
 
         let photons = scene.photons.volume.unwrap_or(VOLUME_PHOTONS);
@@ -87,7 +91,7 @@ impl Plan {
         let inside = (camera.aperture() == 0.0 || scene.solids.is_empty()).then(|| scene.inside(camera.position));
         let mut plan = Plan {
             method: render.method,
-            volume_photons: if gathers { (photons / passes as u64).max(1) } else { 0 },
+            volume_photons: if gathers && !single_alone { (photons / passes as u64).max(1) } else { 0 },
             radius,
             tagged: scene.film.layers || render.max_depth > 0,
             split: false,

@@ -638,6 +638,19 @@ pub struct Volume {
     pub pilot: Option<u32>,
     /// The cap of adaptive radii, above 0; `None`: chosen from the scene.
     pub max_radius: Option<f64>,
+    /// Where light comes from that is scattered once.
+    pub single_scattering: SingleScattering,
+}
+
+/// Where light comes from that a medium scatters straight from a light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SingleScattering {
+    /// From photons, like all other.
+    Photons,
+    /// By rays to the lights, through index-matched boundaries.
+    Traced,
+    /// The same, straight through refracting boundaries too.
+    Approximate,
 }
 
 /// How wide photons are.

@@ -13,7 +13,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::description::{
-    Camera, Density, Description, Document, Film, Filter, Kernel, Method, Photons, Render, ToneMap, Unit, Volume, World,
+    Camera, Density, Description, Document, Film, Filter, Kernel, Method, Photons, Render, SingleScattering, ToneMap,
+    Unit, Volume, World,
 };
 use super::table::{Item, Problems, Read, Table, unit};
 use super::{overrides, tree};
@@ -301,11 +302,24 @@ fn volume(table: &Table) -> Read<Volume> {
     let neighbours = table.get("neighbours", |item| item.u32(1));
     let pilot = table.get("pilot", |item| item.u32(5));
     let max_radius = table.get("max_radius", Item::length);
-    let single = table.get("single_scattering", |item| item.choice(&[("photons", ())], &["traced", "approximate"]));
+    let ways = [
+        ("photons", SingleScattering::Photons),
+        ("traced", SingleScattering::Traced),
+        ("approximate", SingleScattering::Approximate),
+    ];
+    let single_scattering =
+        table.get_or("single_scattering", SingleScattering::Photons, |item| item.choice(&ways, &[]));
     let march = table.get("march", |item| march(&item.table()?));
     table.finish()?;
-    estimate.and(profile).and(single).and(march)?;
-    Ok(Volume { kernel: kernel?, radius: radius?, neighbours: neighbours?, pilot: pilot?, max_radius: max_radius? })
+    estimate.and(profile).and(march)?;
+    Ok(Volume {
+        kernel: kernel?,
+        radius: radius?,
+        neighbours: neighbours?,
+        pilot: pilot?,
+        max_radius: max_radius?,
+        single_scattering: single_scattering?,
+    })
 }
 
 /// Only point queries and traced single scattering march.
