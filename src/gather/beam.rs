@@ -111,14 +111,14 @@ impl PhotonMap {
 }
 
 /// Transmittance from the segment's start, times a factor, for each channel.
-trait Transmit: Copy {
+pub(super) trait Transmit: Copy {
     /// Lanes outside of `bits` may be anything.
     fn weigh<L: Lanes>(&self, factor: L, t: L, bits: u16) -> [L; 3];
 }
 
 /// A homogeneous medium with the same extinction in every channel: −σ log₂e.
 #[derive(Clone, Copy)]
-struct Grey(f32);
+pub(super) struct Grey(pub(super) f32);
 
 impl Transmit for Grey {
     #[inline(always)]
@@ -129,7 +129,7 @@ impl Transmit for Grey {
 
 /// A homogeneous medium.
 #[derive(Clone, Copy)]
-struct Coloured([f32; 3]);
+pub(super) struct Coloured(pub(super) [f32; 3]);
 
 impl Transmit for Coloured {
     #[inline(always)]
@@ -177,8 +177,107 @@ struct Sums {
     single: [f64; 3],
 }
 
-/// The ray in every lane: x ↦ x·axis + offset gives the coordinates along ω, u and v.
-struct RayLanes<L> {
+/// A ray with two directions across it: x ↦ x·axis + offset gives the coordinates along ω, u and v.
+/// Offsets are exact in f64, and cancel against coordinates of the same size as the map's, however far
+/// away the ray starts.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RayFrame {
+    axes: [[f32; 3]; 3],
+    offset: [f32; 3],
+    length: f32,
+}
+
+impl RayFrame {
+    pub(super) fn new(origin: DVec3, direction: DVec3, length: f32) -> Self {
+        let frame = Frame::around(direction);
+        let axes = [direction, frame.x, frame.y];
+        RayFrame {
+            axes: axes.map(|axis| axis.as_vec3().to_array()),
+            offset: axes.map(|axis| -axis.dot(origin) as f32),
+            length,
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn lanes<L: Lanes>(&self) -> RayLanes<L> {
+        RayLanes {
+            omega: splat3(self.axes[0]),
+            u: splat3(self.axes[1]),
+            v: splat3(self.axes[2]),
+            offset: splat3(self.offset),
+            length: L::splat(self.length),
+        }
+    }
+}
+
+/// Sums in lanes.
+pub(super) struct Found<L> {
+    pub(super) total: [L; 3],
+    pub(super) single: [L; 3],
+}
+
+impl<L: Lanes> Found<L> {
+    #[inline(always)]
+    pub(super) fn none() -> Self {
+        Found { total: [L::splat(0.0); 3], single: [L::splat(0.0); 3] }
+    }
+}
+
+/// Adds what the photons of a block contribute to a ray.
+#[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "inlined into the two loops over blocks")]
+pub(super) fn add_block<L: Lanes>(
+    map: &PhotonMap,
+    index: usize,
+    ray: &RayLanes<L>,
+    phase: &impl Evaluate,
+    transmittance: &impl Transmit,
+    max_events: u8,
+    found: &mut Found<L>,
+    stats: &mut GatherStats,
+) {
+    let block = &map.blocks[index];
+    let x = load3::<L>(&block.position);
+    let t = dot_plus(&x, &ray.omega, ray.offset[0]);
+    let a = dot_plus(&x, &ray.u, ray.offset[1]);
+    let b = dot_plus(&x, &ray.v, ray.offset[2]);
+    let inverse_square = L::load(&block.inverse_square);
+    let q = a.mul_add(a, b.mul(b)).neg_mul_add(inverse_square, L::splat(1.0));
+    let zero = L::splat(0.0);
+    let mut mask = L::and(zero.less(q), L::and(zero.less(t), t.less(ray.length)));
+    let mut bits = L::bits(mask);
+    if bits == 0 {
+        return;
+    }
+    let mut factor = q.mul(q).mul(phase.values(&load3::<L>(&block.direction)));
+    for wall in map.walls(index) {
+        let (share, near) = beside_wall(wall, ray, a, b, inverse_square);
+        factor = factor.div(share);
+        mask = L::and(mask, near);
+        bits = L::bits(mask);
+    }
+    if let Some(events) = map.events.get(index)
+        && max_events < u8::MAX
+    {
+        bits &= at_most(events, max_events);
+        mask = L::mask(bits);
+    }
+    stats.photons += u64::from(bits.count_ones());
+    let weights = transmittance.weigh(factor, t, bits);
+    let power = load3::<L>(&block.power);
+    for channel in 0..3 {
+        found.total[channel] = weights[channel].keep(mask).mul_add(power[channel], found.total[channel]);
+    }
+    if let Some(events) = map.events.get(index) {
+        let first = L::mask(bits & at_most(events, 0));
+        for channel in 0..3 {
+            found.single[channel] = weights[channel].keep(first).mul_add(power[channel], found.single[channel]);
+        }
+    }
+}
+
+/// A [`RayFrame`] in every lane.
+pub(super) struct RayLanes<L> {
     omega: [L; 3],
     u: [L; 3],
     v: [L; 3],
@@ -201,20 +300,8 @@ impl<P: Evaluate, T: Transmit> Task for Gather<'_, P, T> {
     #[inline(always)]
     fn run<L: Lanes>(self) -> Sums {
         let Gather { map, query, phase, transmittance, stats } = self;
-        // Offsets are exact in f64, and cancel against coordinates of the same size as the map's,
-        // however far away the ray starts.
-        let frame = Frame::around(query.direction);
-        let omega = query.direction.as_vec3().to_array();
-        let (u, v) = (frame.x.as_vec3().to_array(), frame.y.as_vec3().to_array());
-        let offset = [query.direction, frame.x, frame.y].map(|axis| -axis.dot(query.origin) as f32);
-        let ray = RayLanes::<L> {
-            omega: splat3(omega),
-            u: splat3(u),
-            v: splat3(v),
-            offset: splat3(offset),
-            length: L::splat(query.length),
-        };
-        let slabs = if map.boxes { Some(Slabs::new(map, query)) } else { None };
+        let ray = RayFrame::new(query.origin, query.direction, query.length).lanes::<L>();
+        let slabs = if map.boxes { Some(Slabs::new(map, query.origin, query.direction, query.length)) } else { None };
 
         let mut sums = Sums { total: [0.0; 3], single: [0.0; 3] };
         let mut stack = [0u32; STACK + LANES];
@@ -249,53 +336,15 @@ impl<P: Evaluate, T: Transmit> Task for Gather<'_, P, T> {
 
             // Evaluate what it holds.
             stats.blocks += listed as u64;
-            let mut total = [L::splat(0.0); 3];
-            let mut single = [L::splat(0.0); 3];
+            let mut found = Found::<L>::none();
             for i in 0..listed {
                 prefetch(&map.blocks[(list[(i + AHEAD).min(listed - 1)] & !LEAF) as usize]);
                 let index = (list[i] & !LEAF) as usize;
-                let block = &map.blocks[index];
-                let x = load3::<L>(&block.position);
-                let t = dot_plus(&x, &ray.omega, ray.offset[0]);
-                let a = dot_plus(&x, &ray.u, ray.offset[1]);
-                let b = dot_plus(&x, &ray.v, ray.offset[2]);
-                let inverse_square = L::load(&block.inverse_square);
-                let q = a.mul_add(a, b.mul(b)).neg_mul_add(inverse_square, L::splat(1.0));
-                let zero = L::splat(0.0);
-                let mut mask = L::and(zero.less(q), L::and(zero.less(t), t.less(ray.length)));
-                let mut bits = L::bits(mask);
-                if bits == 0 {
-                    continue;
-                }
-                let mut factor = q.mul(q).mul(phase.values(&load3::<L>(&block.direction)));
-                for wall in map.walls(index) {
-                    let (share, near) = beside_wall(wall, &ray, a, b, inverse_square);
-                    factor = factor.div(share);
-                    mask = L::and(mask, near);
-                    bits = L::bits(mask);
-                }
-                if let Some(events) = map.events.get(index)
-                    && query.max_events < u8::MAX
-                {
-                    bits &= at_most(events, query.max_events);
-                    mask = L::mask(bits);
-                }
-                stats.photons += u64::from(bits.count_ones());
-                let weights = transmittance.weigh(factor, t, bits);
-                let power = load3::<L>(&block.power);
-                for channel in 0..3 {
-                    total[channel] = weights[channel].keep(mask).mul_add(power[channel], total[channel]);
-                }
-                if let Some(events) = map.events.get(index) {
-                    let first = L::mask(bits & at_most(events, 0));
-                    for channel in 0..3 {
-                        single[channel] = weights[channel].keep(first).mul_add(power[channel], single[channel]);
-                    }
-                }
+                add_block(map, index, &ray, &phase, &transmittance, query.max_events, &mut found, stats);
             }
             for channel in 0..3 {
-                sums.total[channel] += f64::from(total[channel].sum());
-                sums.single[channel] += f64::from(single[channel].sum());
+                sums.total[channel] += f64::from(found.total[channel].sum());
+                sums.single[channel] += f64::from(found.single[channel].sum());
             }
         }
         sums
@@ -321,7 +370,7 @@ fn dot_plus<L: Lanes>(x: &[L; 3], v: &[L; 3], offset: L) -> L {
 impl<L: Lanes> RayLanes<L> {
     /// Which spheres the segment touches.
     #[inline(always)]
-    fn hit(&self, center: &[Row; 3], radius: &Row) -> u16 {
+    pub(super) fn hit(&self, center: &[Row; 3], radius: &Row) -> u16 {
         let x = load3::<L>(center);
         let radius = L::load(radius);
         let t = dot_plus(&x, &self.omega, self.offset[0]);
@@ -335,7 +384,8 @@ impl<L: Lanes> RayLanes<L> {
 }
 
 /// The ray as the box test wants it, its origin moved along it to next to the map.
-struct Slabs {
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Slabs {
     origin: [f32; 3],
     inverse: [f32; 3],
     start: f32,
@@ -346,23 +396,23 @@ struct Slabs {
 const PARALLEL: f32 = 1e30;
 
 impl Slabs {
-    fn new(map: &PhotonMap, query: &BeamQuery) -> Self {
-        let moved = (map.bounds().center() - query.origin).dot(query.direction);
-        let origin = (query.origin + moved * query.direction).as_vec3().to_array();
-        let inverse = query.direction.to_array().map(|w| {
+    pub(super) fn new(map: &PhotonMap, origin: DVec3, direction: DVec3, length: f32) -> Self {
+        let moved = (map.bounds().center() - origin).dot(direction);
+        let origin = (origin + moved * direction).as_vec3().to_array();
+        let inverse = direction.to_array().map(|w| {
             let inverse = (1.0 / w) as f32;
             if inverse.abs() < PARALLEL { inverse } else { PARALLEL.copysign(w as f32) }
         });
         // Ends are off by roundings of the distance moved. The last is finite, so that it lies
         // before boxes that do not exist.
         let slack = 4.0 * f32::EPSILON * moved.abs() as f32;
-        let end = ((f64::from(query.length) - moved) as f32 + slack).min(f32::MAX);
+        let end = ((f64::from(length) - moved) as f32 + slack).min(f32::MAX);
         Slabs { origin, inverse, start: -moved as f32 - slack, end }
     }
 
     /// Which boxes the segment touches.
     #[inline(always)]
-    fn hit<L: Lanes>(&self, min: &[Row; 3], max: &[Row; 3]) -> u16 {
+    pub(super) fn hit<L: Lanes>(&self, min: &[Row; 3], max: &[Row; 3]) -> u16 {
         let mut enter = L::splat(self.start);
         let mut leave = L::splat(self.end);
         for axis in 0..3 {

@@ -8,6 +8,11 @@
 //! on the ray: exact in the logarithm's first order, and for Henyey and Greenstein's function in all.
 //! The distance from the ray is the offset at the photon's own z. Both are wrong by the order of s².
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "iterators' closures need not be inlined into a kernel's instruction set"
+)]
+
 use super::beam::{BeamQuery, GatherStats, Gathered};
 use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Rayleigh, Schlick, Sum};
 use crate::math::{DVec3, Frame, Ray, Vec3};
@@ -28,6 +33,21 @@ pub struct Bundle<'a> {
     pub extinction: Vec3,
     /// Only photons with at most this many events count, if the map is tagged; 255 for all.
     pub max_events: u8,
+}
+
+impl Bundle<'_> {
+    /// One of its rays by itself.
+    fn query(&self, ray: &Ray, a: f64, b: f64) -> BeamQuery<'_> {
+        BeamQuery {
+            origin: ray.at(a),
+            direction: ray.direction,
+            length: (b - a) as f32,
+            phase: self.phase,
+            extinction: self.extinction,
+            depth: None,
+            max_events: self.max_events,
+        }
+    }
 }
 
 /// Rays in a group, in up to four vectors.
@@ -219,16 +239,7 @@ impl PhotonMap {
                 None => {
                     let end = first + most.min(LANES);
                     for (index, (ray, a, b)) in bundle.rays[first..end].iter().enumerate() {
-                        let query = BeamQuery {
-                            origin: ray.at(*a),
-                            direction: ray.direction,
-                            length: (b - a) as f32,
-                            phase: bundle.phase,
-                            extinction: bundle.extinction,
-                            depth: None,
-                            max_events: bundle.max_events,
-                        };
-                        out[first + index] = self.gather(&query, stats);
+                        out[first + index] = self.gather(&bundle.query(ray, *a, *b), stats);
                     }
                     first = end;
                 }
@@ -1052,7 +1063,7 @@ fn evaluate_carefully<L: Lanes, P: Evaluate>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gather::Lobe;
+    use crate::gather::{Lobe, StreamScratch};
     use crate::math::random::{Purpose, Stream};
     use crate::math::sampling;
     use crate::photon::{MapSettings, Photon, Plane, Radius};
@@ -1140,6 +1151,7 @@ mod tests {
             };
             let map = PhotonMap::build(photons.clone(), &settings, &planes);
             let (mut scratch, mut gathered) = (BundleScratch::default(), Vec::new());
+            let (mut stream, mut streamed) = (StreamScratch::default(), Vec::<Gathered>::new());
             for (name, rays) in &views {
                 for (number, phase) in lobes.iter().enumerate() {
                     let extinction = if number % 2 == 0 { Vec3::splat(0.7) } else { Vec3::new(0.2, 0.9, 2.0) };
@@ -1150,16 +1162,7 @@ mod tests {
                     assert_eq!(gathered.len(), rays.len());
                     let (mut seen, mut squares, mut largest) = (0.0, 0.0, 0.0f64);
                     for ((ray, a, b), bundled) in rays.iter().zip(&gathered) {
-                        let query = BeamQuery {
-                            origin: ray.at(*a),
-                            direction: ray.direction,
-                            length: (b - a) as f32,
-                            phase,
-                            extinction,
-                            depth: None,
-                            max_events,
-                        };
-                        let single = map.gather(&query, &mut GatherStats::default());
+                        let single = map.gather(&bundle.query(ray, *a, *b), &mut GatherStats::default());
                         for c in 0..3 {
                             seen += f64::from(single.total[c]).powi(2);
                             for (x, y) in [(single.total, bundled.total), (single.single, bundled.single)] {
@@ -1171,6 +1174,15 @@ mod tests {
                     }
                     assert!(seen > 0.0, "{name}, phase {number}: nothing seen");
                     let off = (squares / seen).sqrt();
+                    map.gather_stream(&bundle, &mut stream, &mut GatherStats::default(), &mut streamed);
+                    for ((ray, a, b), streamed) in rays.iter().zip(&streamed) {
+                        let single = map.gather(&bundle.query(ray, *a, *b), &mut GatherStats::default());
+                        for c in 0..3 {
+                            for (x, y) in [(single.total, streamed.total), (single.single, streamed.single)] {
+                                assert!((x[c] - y[c]).abs() <= 2e-5 * single.total[c], "{name}: {x:?} {y:?}");
+                            }
+                        }
+                    }
                     // Single rays may have a photon on their end, on one side of it here, on the other there.
                     assert!(
                         off < 3e-4 && largest < 4e-3,

@@ -4,10 +4,12 @@ mod beam;
 mod bundle;
 mod depth;
 mod phase;
+mod stream;
 mod volume;
 
 pub use beam::{BeamQuery, GatherStats, Gathered};
 pub use bundle::{Bundle, BundleScratch};
 pub use depth::DepthTable;
 pub use phase::{Lobe, PhaseLanes};
+pub use stream::StreamScratch;
 pub use volume::{Queue, Reach, VolumeMaps, emitted};

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use super::{BeamQuery, Bundle, BundleScratch, DepthTable, GatherStats, Gathered, Lobe, PhaseLanes};
+use super::{BeamQuery, Bundle, BundleScratch, DepthTable, GatherStats, Gathered, Lobe, PhaseLanes, StreamScratch};
 use crate::math::{DVec3, Ray, Rgb, Vec3, one_minus_exp_over};
 use crate::medium::density::Density;
 use crate::medium::phase::Phase;
@@ -43,11 +43,11 @@ pub struct Reach {
 pub struct Queue<O> {
     bundles: Vec<(Reach, O)>,
     streams: Vec<(Reach, O)>,
-    done: Vec<(O, Gathered)>,
+    /// The owners whose stretches are done, with what was gathered for them.
+    pub done: Vec<(O, Gathered)>,
     table: DepthTable,
-    rays: Vec<(Ray, f64, f64)>,
-    gathered: Vec<Gathered>,
     bundle: BundleScratch,
+    stream: StreamScratch,
     /// What was counted.
     pub stats: GatherStats,
 }
@@ -59,18 +59,10 @@ impl<O> Default for Queue<O> {
             streams: Vec::new(),
             done: Vec::new(),
             table: DepthTable::new(),
-            rays: Vec::new(),
-            gathered: Vec::new(),
             bundle: BundleScratch::default(),
+            stream: StreamScratch::default(),
             stats: GatherStats::default(),
         }
-    }
-}
-
-impl<O> Queue<O> {
-    /// The owners whose stretches are done, with what was gathered for them.
-    pub fn done(&self) -> &[(O, Gathered)] {
-        &self.done
     }
 }
 
@@ -131,35 +123,37 @@ impl VolumeMaps {
     }
 
     /// Gathers what waits of camera rays close to one another.
-    pub fn gather_bundles<O>(&self, queue: &mut Queue<O>) {
-        let Queue { bundles, done, rays, gathered, bundle, stats, .. } = queue;
-        let key = |(reach, _): &(Reach, O)| (reach.region, reach.medium, reach.max_events);
-        bundles.sort_by_key(key);
-        while let Some(first) = bundles.first() {
-            let first_key = key(first);
-            let end = bundles.partition_point(|waiting| key(waiting) <= first_key);
-            rays.clear();
-            rays.extend(bundles[..end].iter().map(|(Reach { ray, a, b, .. }, _)| (*ray, *a, *b)));
-            let (region, medium, max_events) = first_key;
-            if let Some(map) = &self.maps[region as usize] {
-                let (phase, extinction) = (&self.phases[medium as usize], self.extinctions[medium as usize]);
-                map.gather_bundle(&Bundle { rays, phase, extinction, max_events }, bundle, stats, gathered);
-            }
-            done.extend(bundles.drain(..end).map(|(_, owner)| owner).zip(gathered.iter().copied()));
-        }
+    pub fn gather_bundles<O: Copy>(&self, queue: &mut Queue<O>) {
+        let Queue { bundles, done, bundle, stats, .. } = queue;
+        self.gather_together(bundles, done, |map, rays, gathered| map.gather_bundle(rays, bundle, stats, gathered));
     }
 
     /// Gathers what waits of rays anywhere.
-    pub fn gather_streams<O>(&self, queue: &mut Queue<O>) {
-        let mut waiting = std::mem::take(&mut queue.streams);
-        for (reach, owner) in waiting.drain(..) {
-            queue.done.extend(self.gather_one(&reach, &mut queue.stats).map(|gathered| (owner, gathered)));
-        }
-        queue.streams = waiting;
+    pub fn gather_streams<O: Copy>(&self, queue: &mut Queue<O>) {
+        let Queue { streams, done, stream, stats, .. } = queue;
+        self.gather_together(streams, done, |map, rays, gathered| map.gather_stream(rays, stream, stats, gathered));
     }
 
-    fn gather_one(&self, reach: &Reach, stats: &mut GatherStats) -> Option<Gathered> {
-        Some(self.maps[reach.region as usize].as_ref()?.gather(&self.query(reach), stats))
+    /// Gathers what waits, by map and medium.
+    fn gather_together<O: Copy>(
+        &self,
+        waiting: &mut Vec<(Reach, O)>,
+        done: &mut Vec<(O, Gathered)>,
+        mut gather: impl FnMut(&PhotonMap, &Bundle<'_>, &mut Vec<Gathered>),
+    ) {
+        let key = |(reach, _): &(Reach, O)| (reach.region, reach.medium, reach.max_events);
+        waiting.sort_by_key(key);
+        let (mut rays, mut gathered) = (Vec::new(), Vec::new());
+        for same in waiting.chunk_by(|a, b| key(a) == key(b)) {
+            let (region, medium, max_events) = key(&same[0]);
+            let Some(map) = &self.maps[region as usize] else { continue };
+            rays.clear();
+            rays.extend(same.iter().map(|(Reach { ray, a, b, .. }, _)| (*ray, *a, *b)));
+            let (phase, extinction) = (&self.phases[medium as usize], self.extinctions[medium as usize]);
+            gather(map, &Bundle { rays: &rays, phase, extinction, max_events }, &mut gathered);
+            done.extend(same.iter().map(|(_, owner)| *owner).zip(gathered.iter().copied()));
+        }
+        waiting.clear();
     }
 
     /// A query without a table of depths.

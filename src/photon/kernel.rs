@@ -45,7 +45,7 @@ pub(crate) fn disc_share_lanes<L: Lanes>(s2: L) -> L {
 
 /// Coefficients of 1/C(s), by interpolation at Chebyshev's nodes: 4·10⁻⁵ on [0, 1].
 const INVERSE_DISC_SHARE: [f32; 8] =
-    [1.999_942_1, -4.066_888, 8.136_03, -12.079_031, 14.034_813, -11.070_336, 5.078_786_8, -1.033_355_9];
+    [1.999_942_1, -4.066_888, 8.136_03, -12.079_031, 14.034_813, -11.070_336, 5.078_787, -1.033_355_9];
 
 /// 1 over [`disc_share`] of s, in lanes, to 5·10⁻⁵; anything below 0.
 #[inline(always)]

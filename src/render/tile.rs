@@ -1,5 +1,6 @@
 //! Samples through the pixels of a tile.
 
+use std::ops::Range;
 use std::sync::atomic::Ordering;
 
 use rayon::prelude::*;
@@ -44,7 +45,9 @@ impl<P: Progress> Renderer<'_, P> {
             let to = self.plan.samples.min(from + round);
             let done: Vec<Option<Tile>> = (0..tiles)
                 .into_par_iter()
-                .map(|tile| (!self.stopped()).then(|| self.tile(&eye, tile, pass, from, to)))
+                .map_init(Queue::default, |queue, tile| {
+                    (!self.stopped()).then(|| self.tile(&eye, tile, pass, from..to, queue))
+                })
                 .collect();
             for tile in done.into_iter().flatten() {
                 tile.sums.iter().for_each(|(x, y, sum)| self.film.add(*x, *y, sum));
@@ -55,35 +58,34 @@ impl<P: Progress> Renderer<'_, P> {
         }
     }
 
-    /// Samples number `from` to `to` of the pixels of a tile.
-    fn tile(&self, eye: &Eye<'_>, tile: u32, pass: u32, from: u32, to: u32) -> Tile {
+    /// These samples of the pixels of a tile.
+    fn tile(&self, eye: &Eye<'_>, tile: u32, pass: u32, samples: Range<u32>, queue: &mut Queue<Claim>) -> Tile {
         let (width, height) = (self.scene.film.width, self.scene.film.height);
         let columns = width.div_ceil(TILE);
         let (x0, y0) = (tile % columns * TILE, tile / columns * TILE);
-        let mut queue = Queue::default();
         let mut done = Tile { sums: Vec::new(), gathered: GatherStats::default(), tally: Tally::default() };
         for part in 0..(TILE / BUNDLE).pow(2) {
             let (x0, y0) = (x0 + part % (TILE / BUNDLE) * BUNDLE, y0 + part / (TILE / BUNDLE) * BUNDLE);
             for index in 0..BUNDLE * BUNDLE {
                 let (x, y) = (x0 + every_second_bit(index), y0 + every_second_bit(index >> 1));
                 if x < width && y < height && !self.stopped() {
-                    self.pixel(eye, (x, y), pass, from..to, &mut queue, &mut done);
+                    self.pixel(eye, (x, y), pass, samples.clone(), queue, &mut done);
                 }
             }
             if let Mode::Gather(maps) = eye.mode() {
-                maps.gather_bundles(&mut queue);
+                maps.gather_bundles(queue);
             }
         }
         if let Mode::Gather(maps) = eye.mode() {
-            maps.gather_streams(&mut queue);
-            for (claim, gathered) in queue.done() {
-                for (component, radiance) in claim.settle(gathered, &mut done.tally) {
+            maps.gather_streams(queue);
+            for (claim, gathered) in queue.done.drain(..) {
+                for (component, radiance) in claim.settle(&gathered, &mut done.tally) {
                     done.sums[claim.pixel as usize].2.add_to(component, radiance);
                 }
             }
-            done.gathered = queue.stats;
+            done.gathered = std::mem::take(&mut queue.stats);
         }
-        self.progress.advance((to - from) as u64);
+        self.progress.advance(samples.len() as u64);
         done
     }
 
@@ -92,7 +94,7 @@ impl<P: Progress> Renderer<'_, P> {
         eye: &Eye<'_>,
         (x, y): (u32, u32),
         pass: u32,
-        samples: std::ops::Range<u32>,
+        samples: Range<u32>,
         queue: &mut Queue<Claim>,
         done: &mut Tile,
     ) {
