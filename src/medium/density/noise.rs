@@ -127,7 +127,7 @@ fn perlin(p: DVec3, salt: u32) -> f64 {
         let at = hash(i.wrapping_add(x) ^ hash(j.wrapping_add(y) ^ hash(k.wrapping_add(z) ^ salt)));
         let away = t - DVec3::new(f64::from(x), f64::from(y), f64::from(z));
         // Twelve equal parts of the hash's range: which component is 0, and the signs of the others.
-        let edge = (u64::from(at) * 12 >> 32) as u32;
+        let edge = ((u64::from(at) * 12) >> 32) as u32;
         let (a, b) = match edge >> 2 {
             0 => (away.x, away.y),
             1 => (away.y, away.z),
