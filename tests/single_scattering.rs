@@ -21,7 +21,7 @@ fn of(text: &str, seeds: u32, samples: u32, overrides: &[&str]) -> Estimate {
     grey(&images(seeds, &format!("{FILM}{text}"), &[overrides, &[&samples]].concat()))
 }
 
-/// Fog with an area lamp, seen directly, in a mirror that the lamp does not shine on, and by way of diffuse walls.
+/// Fog with a wide lamp, seen directly and by way of diffuse walls.
 const ROOM: &str = r#"
 [camera]
 position = [0, 1, 1.8]
@@ -36,26 +36,30 @@ phase = { type = "hg", g = 0.6 }
 [materials.wall]
 type = "lambert"
 reflectance = [0.4, 0.3, 0.2]
-[materials.glossy]
-type = "mirror"
-reflectance = 0.9
 [[shapes]]
 type = "box"
 min = [-2, 0, -2]
 max = [2, 2.5, 2]
 material = "wall"
 [[shapes]]
+type = "disk"
+center = [0, 2.4, -0.3]
+normal = [0, -1, 0]
+radius = 0.8
+emission = { radiance = 20 }
+"#;
+
+/// What it shows of the fog, among black walls.
+const MIRROR: &str = r#"
+[materials.glossy]
+type = "mirror"
+reflectance = 0.9
+[[shapes]]
 type = "quad"
 origin = [-1.5, 0.2, -1.9]
-edge_u = [1.2, 0, 0]
+edge_u = [3, 0, 0]
 edge_v = [0, 1.5, 0]
 material = "glossy"
-[[shapes]]
-type = "disk"
-center = [1.2, 1.9, 0.3]
-normal = [0, -0.5, 1]
-radius = 0.3
-emission = { radiance = 20 }
 "#;
 
 #[test]
@@ -65,6 +69,11 @@ fn fog_with_a_lamp() {
     let path = of(ROOM, 16, 400, &[PATH, "render.max_depth=1"]);
     let traced = of(ROOM, 16, 400, &[PHOTON, TRACED, "render.max_depth=1"]);
     checks.agree("one event", &traced, &path, 0.003, 0.0);
+    let text = format!("{ROOM}{MIRROR}");
+    let seen_twice = ["materials.wall.reflectance=0", "render.max_depth=2"];
+    let path = of(&text, 16, 400, &[&seen_twice[..], &[PATH]].concat());
+    let traced = of(&text, 16, 64, &[&seen_twice[..], &[PHOTON, TRACED, "photons.volume=100_000"]].concat());
+    checks.agree("in a mirror", &traced, &path, 0.003, 0.004);
     // All light. Photons of the second collision on are blurred, but count for less.
     let path = of(ROOM, 16, 400, &[PATH]);
     let photons = "photons.volume=100_000";
@@ -202,22 +211,23 @@ emission = { radiance = 5, side = "both" }
     checks.finish();
 }
 
-/// A wide slab. Lit along its normal, light does at its boundary what straight shadow rays take it for.
-/// Lit aslant, the way through the medium is right, but light that is spread by cos θ/cos θ′ as it enters is not.
-/// Three events: in, scattered, out.
+/// A wide slab. Lit along its normal, light does at its boundary what straight shadow rays take it for: one scattering
+/// has a closed form. Lit aslant, the way through the medium is right, but light that is spread by cos θ/cos θ′ as it
+/// enters is not.
 #[test]
 fn straight_on_through_a_boundary() {
     let mut checks = Checks::default();
-    let slab = |ior: f64, direction: &str| {
-        format!(
-            r#"
+    let (sigma_s, sigma_a, irradiance) = ([0.5, 1.0, 2.0], 0.3, 3.0);
+    for (ior, [x, y]) in [(1.0, [0.3, -1.0]), (1.5, [0.0, -1.0]), (1.5, [1.0, -1.0])] {
+        let text = format!(
+            r#"{FILM}
 [camera]
 position = [3, 10, 0]
 target = [0, 0, 0]
-fov = 2
+fov = 1
 [media.milk]
-sigma_s = [0.5, 1, 2]
-sigma_a = 0.3
+sigma_s = {sigma_s:?}
+sigma_a = {sigma_a}
 [materials.glass]
 type = "dielectric"
 ior = {ior}
@@ -229,21 +239,36 @@ material = "glass"
 interior = "milk"
 [[lights]]
 type = "directional"
-direction = {direction}
-irradiance = 3
-angle = 2
+direction = [{x}, {y}, 0]
+irradiance = {irradiance}
+[render]
+max_depth = 3
 "#
-        )
-    };
-    let mut compare = |what: &str, text: &str, depth: &str, factor: f64| {
-        let path = of(text, 16, 900, &[PATH, depth]);
-        let approximate = of(text, 16, 100, &[PHOTON, APPROXIMATE, depth, "photons.volume=50_000"]);
-        checks.agree(what, &approximate, &path.times(factor), 0.01, 0.005);
-    };
-    // Index 1 is no boundary: one event.
-    compare("index 1", &slab(1.0, "[0.3, -1, 0]"), "render.max_depth=1", 1.0);
-    compare("along the normal", &slab(1.5, "[0, -1, 0]"), "render.max_depth=3", 1.0);
-    let (cos, refracted) = (0.5f64.sqrt(), (1.0 - 0.5 / 2.25f64).sqrt());
-    compare("at 45°", &slab(1.5, "[1, -1, 0]"), "render.max_depth=3", refracted / cos);
+        );
+        // In, scattered, out: cosines outside and inside, and what Fresnel's equations let pass.
+        let cosines = |cos: f64| (cos, (1.0 - (1.0 - cos * cos) / (ior * ior)).sqrt());
+        let passed = |(cos, inside): (f64, f64)| {
+            let parallel = (ior * cos - inside) / (ior * cos + inside);
+            let perpendicular = (cos - ior * inside) / (cos + ior * inside);
+            1.0 - 0.5 * (parallel * parallel + perpendicular * perpendicular)
+        };
+        let (eye, light) = (cosines(10.0 / 109f64.sqrt()), cosines(-y / f64::hypot(x, y)));
+        let expected = sigma_s.map(|sigma_s| {
+            let ways = 1.0 / eye.1 + 1.0 / light.1;
+            let depth = (sigma_s + sigma_a) * ways;
+            let arriving = irradiance * passed(light);
+            let scattered =
+                sigma_s * arriving / (4.0 * std::f64::consts::PI * eye.1) * (1.0 - (-depth).exp()) / depth * ways;
+            scattered / ways * passed(eye) / (ior * ior)
+        });
+        let found = Estimate::of(16, &text, &[PHOTON, APPROXIMATE, "render.samples=100", "photons.volume=1000"]);
+        checks.agree(&format!("index {ior}, light along {x}, {y}"), &found, &Estimate::exact(expected), 0.003, 2e-4);
+        if ior > 1.0 {
+            let photons = Estimate::of(8, &text, &[PHOTON, "render.samples=16", "photons.volume=400_000"]);
+            let entering = Estimate::exact(expected).times(light.0 / light.1);
+            // Photons are blurred across the slab's face.
+            checks.agree("photons, as light enters", &photons, &entering, 0.01, 0.05);
+        }
+    }
     checks.finish();
 }
