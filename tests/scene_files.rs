@@ -305,7 +305,7 @@ const MISTAKES: &[(&str, &str, &str)] = &[
     (
         "[media.fog]\n‸sgima_s = 1\n",
         "media.fog.sgima_s",
-        "unknown key; did you mean `sigma_s`? (keys here: sigma_s, sigma_a",
+        "unknown key; did you mean `sigma_s`? (keys here: phase, sigma_s, sigma_a",
     ),
     ("[‸flim]\n", "flim", "did you mean `film`?"),
     ("[film]\n‸wdith = 1\n", "film.wdith", "did you mean `width`?"),
