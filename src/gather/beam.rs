@@ -505,11 +505,16 @@ mod tests {
         let to_eye = -omega;
         let one_minus = 0.5 * (d.normalize() - to_eye).length_squared();
         let one_plus = 0.5 * (d.normalize() + to_eye).length_squared();
+        let henyey_greenstein = |g: f64| {
+            let x = if g < 0.0 { one_plus } else { one_minus };
+            (1.0 - g * g) / (4.0 * PI * ((1.0 - g.abs()).powi(2) + 2.0 * g.abs() * x).powf(1.5))
+        };
         let value = |lobe: &Lobe| match *lobe {
             Lobe::Isotropic => 0.25 / PI,
-            Lobe::HenyeyGreenstein(g) => {
-                let x = if g < 0.0 { one_plus } else { one_minus };
-                (1.0 - g * g) / (4.0 * PI * ((1.0 - g.abs()).powi(2) + 2.0 * g.abs() * x).powf(1.5))
+            Lobe::HenyeyGreenstein(g) => henyey_greenstein(g),
+            Lobe::Draine(g, alpha) => {
+                let cos = 1.0 - one_minus;
+                henyey_greenstein(g) * (1.0 + alpha * cos * cos) / (1.0 + alpha * (1.0 + 2.0 * g * g) / 3.0)
             }
             Lobe::Schlick(k) => {
                 let x = if k < 0.0 { one_plus } else { one_minus };
@@ -609,6 +614,7 @@ mod tests {
                 (0.4, Lobe::HenyeyGreenstein(0.3)),
                 (0.1, Lobe::Schlick(-0.2)),
             ],
+            vec![(0.49, Lobe::HenyeyGreenstein(0.998)), (0.51, Lobe::Draine(0.63, 32.0))],
         ];
         let variable = Radius::Variable { neighbours: 40, pilot: 7, max_radius: 0.6 };
         let counts = [1, 15, 16, 17, 1000, 1000, 300, 300];

@@ -1189,6 +1189,7 @@ mod tests {
             PhaseLanes::new(Lobe::Schlick(0.6)),
             PhaseLanes::new(Lobe::Rayleigh),
             PhaseLanes::mixture(&[(0.7, Lobe::HenyeyGreenstein(0.8)), (0.3, Lobe::Schlick(-0.4))]),
+            PhaseLanes::mixture(&[(0.55, Lobe::HenyeyGreenstein(0.97)), (0.45, Lobe::Draine(-0.5, 17.0))]),
         ];
         let far = DVec3::new(3.0, 1.0, -4.0);
         let views = [

@@ -224,9 +224,15 @@ impl VolumeMaps {
     }
 }
 
-/// ∫ T σ_a L_e dt from `a` to `b`, as radiance at `a`: exact where L_e is the same everywhere, else one
-/// point a cell, drawn with the numbers `jitter` gives.
-pub fn emitted(medium: &Medium, ray: &Ray, (a, b): (f64, f64), mut jitter: impl FnMut() -> f64) -> Rgb {
+/// ∫ T σ_a L_e w dt from `a` to `b`, as radiance at `a`: exact where L_e is the same everywhere, for w = 1; else
+/// one point a cell, drawn with the numbers `jitter` gives, and weighted by `share`.
+pub fn emitted(
+    medium: &Medium,
+    ray: &Ray,
+    (a, b): (f64, f64),
+    mut jitter: impl FnMut() -> f64,
+    share: impl Fn(DVec3) -> f64,
+) -> Rgb {
     match &medium.emission {
         Emission::None => Rgb::ZERO,
         Emission::Uniform(_) => {
@@ -253,10 +259,10 @@ pub fn emitted(medium: &Medium, ray: &Ray, (a, b): (f64, f64), mut jitter: impl 
                     let t = cell.ta + (cell.tb - cell.ta) * jitter();
                     let p = ray.at(t);
                     // The depth up to t, as if the cell were even.
-                    let share = (t - cell.ta) / (cell.tb - cell.ta);
+                    let part = (t - cell.ta) / (cell.tb - cell.ta);
                     if temperature.at(p) > 0.0 {
-                        let here = medium.emitted(p) * (density.at(p) * (cell.tb - cell.ta));
-                        sum += here * medium.transmittance(depth + share * inside);
+                        let here = medium.emitted(p) * (density.at(p) * (cell.tb - cell.ta) * share(p));
+                        sum += here * medium.transmittance(depth + part * inside);
                     }
                 }
                 depth += inside;
@@ -310,6 +316,7 @@ pub(super) fn lanes(phase: &Phase) -> PhaseLanes {
         Phase::HenyeyGreenstein(p) => Lobe::HenyeyGreenstein(p.g),
         Phase::Schlick(p) => Lobe::Schlick(p.k),
         Phase::Rayleigh(_) => Lobe::Rayleigh,
+        Phase::Draine(p) => Lobe::Draine(p.g, p.alpha),
         Phase::Isotropic(_) | Phase::Mixture(_) => Lobe::Isotropic,
     };
     match phase {

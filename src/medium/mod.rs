@@ -8,6 +8,7 @@
 pub mod black_body;
 pub mod density;
 pub mod phase;
+pub mod presets;
 
 use crate::math::{DVec3, Rgb};
 use black_body::BlackBody;

@@ -10,7 +10,8 @@ use super::emission::Sources;
 use crate::math::random::Purpose;
 use crate::math::{Rgb, Stream};
 use crate::scene::Scene;
-use crate::transport::{self, Crossing, Segment, Side, Stop, Tally, Visitor, Walk, survive};
+use crate::scene::description::SingleScattering;
+use crate::transport::{self, Crossing, Reflection, Segment, Side, Stop, Tally, Visitor, Walk, survive};
 
 /// What a photon pass should do.
 #[derive(Clone, Copy, Debug)]
@@ -95,7 +96,18 @@ pub fn trace(
             }
         }
     }
-    if collided == 0.0 || stop() {
+    let single = scene.volume.single_scattering;
+    if single != SingleScattering::Photons {
+        // What is left to shadow rays may be nearly all.
+        for count in PILOTS {
+            if stored >= TELLING || count <= piloted || stop() {
+                continue;
+            }
+            piloted = count;
+            (collided, stored) = pilot(&tracer, count);
+        }
+    }
+    if collided == 0.0 || (stored == 0 && single != SingleScattering::Photons) || stop() {
         return Traced { emitted: piloted, forced: tracer.forced, ..empty() };
     }
     let share = stored as f64 / piloted as f64;
@@ -178,7 +190,8 @@ impl Tracer<'_> {
             return;
         }
         let mut flight = Flight { tracer: self, chunk, stream, collided: false };
-        flight.follow(Walk::start(self.scene, start.ray, start.inside), start.power, 0, self.forced);
+        let known = start.from_light && self.scene.volume.single_scattering != SingleScattering::Photons;
+        flight.follow(Walk::start(self.scene, start.ray, start.inside), start.power, 0, self.forced, known);
         if flight.collided {
             chunk.collided += 1;
         }
@@ -193,10 +206,18 @@ struct Flight<'f, 's> {
     collided: bool,
 }
 
+impl Tracer<'_> {
+    /// Whether shadow rays go straight on through refracting boundaries.
+    fn straight_on(&self) -> bool {
+        self.scene.volume.single_scattering == SingleScattering::Approximate
+    }
+}
+
 impl<'s> Flight<'_, 's> {
-    fn follow(&mut self, mut walk: Walk<'s>, mut weight: Rgb, mut events: u64, forced: bool) {
+    /// `known`: shadow rays will find its light, if it collides next.
+    fn follow(&mut self, mut walk: Walk<'s>, mut weight: Rgb, mut events: u64, forced: bool, mut known: bool) {
         loop {
-            let mut passage = Passage { flight: self, weight, events, forced, collision: None };
+            let mut passage = Passage { flight: self, weight, events, forced, known, collision: None };
             let stop = walk.advance(&mut passage);
             weight = passage.weight;
             let collision = passage.collision;
@@ -206,12 +227,16 @@ impl<'s> Flight<'_, 's> {
             match stop {
                 Stop::Ended => {
                     let Some((t, medium)) = collision else { return };
-                    if !self.collide(&mut walk, &mut weight, events, t, medium) {
+                    if !self.collide(&mut walk, &mut weight, events, (t, medium), known) {
                         return;
                     }
+                    known = false;
                 }
                 Stop::Surface(at) => {
                     let Some(direction) = at.scatter(Side::Light, &mut weight, self.stream) else { return };
+                    let refracted =
+                        matches!(at.reflection, Reflection::Dielectric(..)) && direction.dot(at.normal) < 0.0;
+                    known &= refracted && self.tracer.straight_on();
                     walk.leave(&at, direction);
                 }
                 Stop::Escaped => return,
@@ -234,14 +259,21 @@ impl<'s> Flight<'_, 's> {
         most == 0 || events < most
     }
 
-    /// Stores the photon and scatters it. Returns whether it goes on.
-    fn collide(&mut self, walk: &mut Walk<'s>, weight: &mut Rgb, events: u64, t: f64, medium: u32) -> bool {
+    /// Stores the photon, unless its light is `known` otherwise, and scatters it. Returns whether it goes on.
+    fn collide(
+        &mut self,
+        walk: &mut Walk<'s>,
+        weight: &mut Rgb,
+        events: u64,
+        (t, medium): (f64, u32),
+        known: bool,
+    ) -> bool {
         let scene = self.tracer.scene;
         let medium = &scene.media[medium as usize];
         self.collided = true;
         let power = *weight * medium.albedo;
         let keep = self.tracer.keep;
-        if power.max_element() > 0.0 && (keep >= 1.0 || self.stream.uniform() < keep) {
+        if !known && power.max_element() > 0.0 && (keep >= 1.0 || self.stream.uniform() < keep) {
             let photon = Photon {
                 position: walk.ray.at(t).as_vec3(),
                 direction: walk.ray.direction.as_vec3(),
@@ -265,6 +297,7 @@ struct Passage<'p, 'f, 's> {
     weight: Rgb,
     events: u64,
     forced: bool,
+    known: bool,
     collision: Option<(f64, u32)>,
 }
 
@@ -278,10 +311,10 @@ impl Visitor for Passage<'_, '_, '_> {
             self.weight *= forced.passed;
             if let Some((t, mut weight)) = forced.collision {
                 let mut walk = Walk::new(scene, *segment.ray, segment.inside.clone());
-                if self.flight.collide(&mut walk, &mut weight, self.events, t, segment.medium)
+                if self.flight.collide(&mut walk, &mut weight, self.events, (t, segment.medium), self.known)
                     && self.flight.may_store(self.events + 1)
                 {
-                    self.flight.follow(walk, weight, self.events + 1, false);
+                    self.flight.follow(walk, weight, self.events + 1, false, false);
                 }
             }
             return ControlFlow::Continue(());

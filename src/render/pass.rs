@@ -17,7 +17,7 @@ use crate::medium::Medium;
 use crate::medium::density::Density;
 use crate::photon::{self, MapSettings, Photon, PhotonMap, PointMap, PointSettings, Radii, walls};
 use crate::scene::Scene;
-use crate::scene::description::Method;
+use crate::scene::description::{Method, SingleScattering};
 use crate::transport::Tally;
 
 /// Hears how far a render has come.
@@ -356,7 +356,9 @@ impl<P: Progress> Renderer<'_, P> {
             ));
         }
         let first = self.stats.passes == 0;
-        if first && !late {
+        let traces = scene.volume.single_scattering != SingleScattering::Photons;
+        // All light may have been traced.
+        if first && !late && !(traces && traced.stored() == 0) {
             self.warnings.extend(sparse_map(&self.plan, &traced));
         }
         if first {

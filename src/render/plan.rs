@@ -6,7 +6,7 @@ use crate::math::{DVec3, Rgb, Stream};
 use crate::medium::Medium;
 use crate::photon::kernel::Profile;
 use crate::photon::{Ball, PointSettings, Radius};
-use crate::scene::description::{self, Estimate, Kernel, Method, Step};
+use crate::scene::description::{self, Estimate, Kernel, Method, SingleScattering, Step};
 use crate::scene::{Inside, Scene};
 use crate::transport::{Crossing, Segment, Side, Stop, Tally, Visitor, Walk, fly, survive};
 use crate::{Error, Result};
@@ -164,7 +164,11 @@ fn points(scene: &Scene, radius: Radius, extent: f64) -> Points {
 pub fn volume_photons(scene: &Scene) -> u64 {
     let shines = !scene.lights.is_empty() || scene.media.iter().any(|medium| medium.glows());
     let scatters = scene.media.iter().any(|medium| medium.scatters());
-    let gathers = scene.render.method == Method::Photon && scatters && shines;
+    // Light that shadow rays find needs no photons, if it is all there may be.
+    let traces_all = scene.render.max_depth == 1
+        && scene.volume.single_scattering != SingleScattering::Photons
+        && scene.glows.is_empty();
+    let gathers = scene.render.method == Method::Photon && scatters && shines && !traces_all;
     if gathers { scene.photons.volume.unwrap_or(VOLUME_PHOTONS) } else { 0 }
 }
 

@@ -134,7 +134,7 @@ impl Description {
         for medium in &mut self.media {
             match &mut medium.density {
                 Density::Vdb { file, .. } | Density::Array { file, .. } => files.push(&mut file.value),
-                Density::Constant { .. } | Density::Exponential { .. } => {}
+                Density::Constant { .. } | Density::Exponential { .. } | Density::Noise { .. } => {}
             }
         }
         for shape in &mut self.shapes {
@@ -239,6 +239,17 @@ pub enum Unit {
     Metre,
 }
 
+impl Unit {
+    /// How many metres it is.
+    pub fn metres(self) -> f64 {
+        match self {
+            Unit::Millimetre => 1e-3,
+            Unit::Centimetre => 1e-2,
+            Unit::Metre => 1.0,
+        }
+    }
+}
+
 /// `[media.*]`
 #[derive(Clone, Debug, PartialEq)]
 pub struct Medium {
@@ -289,6 +300,11 @@ pub enum Phase {
     },
     /// Rayleigh's, for particles far smaller than the wavelength.
     Rayleigh,
+    /// That of water droplets.
+    Mie {
+        /// Their diameter in micrometres, in (0, 50].
+        diameter: f64,
+    },
     /// A weighted sum of phase functions that are no mixtures themselves; weights at least 0, sum 1.
     Mixture(Vec<(f64, Phase)>),
 }
@@ -333,6 +349,17 @@ pub enum Density {
         scale_height: f64,
         /// The density at height 0 and below, at least 0.
         value: f64,
+    },
+    /// Fractal noise, defined in all space; only what solids are filled with can have it.
+    Noise {
+        /// The size of the coarsest features, above 0.
+        scale: f64,
+        /// The number of octaves, each half as large and half as strong as the one before; at least 1.
+        octaves: u32,
+        /// Noise below this is empty space; in [0, 1).
+        threshold: f64,
+        /// Another seed, another noise.
+        seed: u32,
     },
 }
 
@@ -655,6 +682,8 @@ pub struct Volume {
     pub max_radius: Option<f64>,
     /// How rays are stepped through, where they are.
     pub march: March,
+    /// Where light comes from that is scattered once.
+    pub single_scattering: SingleScattering,
 }
 
 /// What is gathered along a ray.
@@ -697,6 +726,17 @@ pub enum Step {
     Adaptive,
     /// The longer the less light arrives from there.
     Exponential,
+}
+
+/// Where light comes from that a medium scatters straight from a light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SingleScattering {
+    /// From photons, like all other.
+    Photons,
+    /// By rays to the lights, through index-matched boundaries.
+    Traced,
+    /// The same, straight through refracting boundaries too.
+    Approximate,
 }
 
 /// How wide photons are.

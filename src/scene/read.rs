@@ -13,8 +13,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::description::{
-    Camera, Description, Document, Estimate, Film, Filter, Kernel, March, Method, Photons, Profile, Render, Step,
-    ToneMap, Unit, Volume, World,
+    Camera, Density, Description, Document, Estimate, Film, Filter, Kernel, March, Method, Photons, Profile, Render,
+    SingleScattering, Step, ToneMap, Unit, Volume, World,
 };
 use super::table::{Item, Problems, Read, Table, unit};
 use super::{overrides, tree};
@@ -103,8 +103,21 @@ fn describe(root: &Table, path: &Path) -> Read<Description> {
         media: media_items.iter().map(|(name, _)| *name).collect(),
         materials: material_items.iter().map(|(name, _)| *name).collect(),
     };
-    let world = world_table.and_then(|table| world(&table, &names));
-    let media = all(&media_items, |(name, item)| media::medium(name, item, &names));
+    let world_table = world_table?;
+    let world = world(&world_table, &names);
+    let unit = world.as_ref().map_or(Unit::Metre, |world| world.unit);
+    let media = all(&media_items, |(name, item)| media::medium(name, item, &names, unit));
+    if let (Ok(World { medium: Some(medium), .. }), Ok(media)) = (&world, &media)
+        && matches!(media[medium.value].density, Density::Noise { .. })
+    {
+        return Err(world_table.fail_at(
+            "medium",
+            format!(
+                "{:?} has a density of noise, which has no end; expected it as the `interior` of shapes",
+                media[medium.value].name
+            ),
+        ));
+    }
     let materials = all(&material_items, |(name, item)| materials::material(name, item));
     let shapes = shapes::shapes(&shape_items?.unwrap_or_default(), &names);
     let lights = lights::lights(&light_items?.unwrap_or_default(), &names);
@@ -288,10 +301,15 @@ fn volume(table: &Table) -> Read<Volume> {
     let neighbours = table.get("neighbours", |item| item.u32(1));
     let pilot = table.get("pilot", |item| item.u32(5));
     let max_radius = table.get("max_radius", Item::length);
-    let single = table.get("single_scattering", |item| item.choice(&[("photons", ())], &["traced", "approximate"]));
+    let ways = [
+        ("photons", SingleScattering::Photons),
+        ("traced", SingleScattering::Traced),
+        ("approximate", SingleScattering::Approximate),
+    ];
+    let single_scattering =
+        table.get_or("single_scattering", SingleScattering::Photons, |item| item.choice(&ways, &[]));
     let march = table.get("march", |item| march(&item.table()?));
     table.finish()?;
-    single?;
     Ok(Volume {
         estimate: estimate?,
         kernel: kernel?,
@@ -301,6 +319,7 @@ fn volume(table: &Table) -> Read<Volume> {
         pilot: pilot?,
         max_radius: max_radius?,
         march: march?.unwrap_or(March { step: Step::Exponential, size: None, contrast: CONTRAST }),
+        single_scattering: single_scattering?,
     })
 }
 

@@ -2,6 +2,7 @@
 
 use smallvec::SmallVec;
 
+use super::Glow;
 use super::description::{Camera, Film, Photons, Render, Volume};
 use crate::geometry::{Cluster, Geometry};
 use crate::light::{Light, Surroundings};
@@ -38,6 +39,8 @@ pub struct Scene {
     pub media: Vec<Medium>,
     /// All lights.
     pub lights: Vec<Light>,
+    /// The glowing media that have an end, as lights.
+    pub glows: Vec<Glow>,
     /// What light from infinity can reach.
     pub surroundings: Surroundings,
     /// The scene's middle in the file's coordinates, which is the origin here.
