@@ -116,8 +116,8 @@ inner_angle = 40
 outer_angle = 60
 radius = 0.3
 "#,
-        photons: 20_000,
-        samples: 800,
+        photons: 30_000,
+        samples: 1000,
         bias: 0.01,
     }
     .check();

@@ -120,7 +120,7 @@ fn a_furnace_of_lossless_solids_by_path_tracing() {
             for (place, z, expected) in [("outside", 3.0, 1.0), ("inside", 0.3, inside)] {
                 let text = format!(
                     "{}{SKY}[media.fog]\n{medium}\n[materials.glass]\ntype = \"dielectric\"\nior = 1.5\n{}",
-                    along_z(z, 30.0, "path", 4096),
+                    along_z(z, 30.0, "path", 5600),
                     ball(material)
                 );
                 let found = Estimate::of(32, &text, &[]);

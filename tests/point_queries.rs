@@ -81,7 +81,7 @@ fn marchers_agree_with_path_tracing() {
                 "volume.march.size=0.1".to_string(),
             ];
             let set: Vec<&str> = set.iter().map(String::as_str).collect();
-            let found = grey(&images(8, &block(""), &set));
+            let found = grey(&images(12, &block(""), &set));
             checks.agree(&format!("{step}, {kernel}, {profile}"), &found, &path, 0.003, BIAS);
         }
     }

@@ -137,6 +137,12 @@ fn away_from_the_lamp(x: usize, y: usize) -> bool {
     !((32..64).contains(&x) && (32..64).contains(&y))
 }
 
+/// Radiance grows without bound towards the lamp, so the variance of its neighbours' samples has none either: of few
+/// seeds, most see too little and think themselves sure.
+fn not_at_the_lamp(x: usize, y: usize) -> bool {
+    !((40..56).contains(&x) && (40..56).contains(&y))
+}
+
 const SEEDS: u32 = 16;
 
 #[test]
@@ -147,7 +153,7 @@ fn a_room_full_of_fog() {
     let path = images(2 * SEEDS, &text, &["render.method=path", "render.samples=8", "film.layers=false"]);
     compare(&mut checks, "path", &path, &reference, &UNBIASED, everywhere);
     let photon = images(
-        SEEDS,
+        2 * SEEDS,
         &text,
         &["render.method=photon", "render.samples=4", "photons.volume=100000", "film.layers=false"],
     );
@@ -192,7 +198,7 @@ fn single_scattering_around_a_point_light() {
             &path,
             &reference,
             &Allowed { precision: PEAKED, ..UNBIASED },
-            everywhere,
+            not_at_the_lamp,
         );
         let photon = images(
             SEEDS,
@@ -218,7 +224,7 @@ fn single_scattering_around_a_point_light() {
             &traced,
             &reference,
             &Allowed { precision: PEAKED, ..UNBIASED },
-            everywhere,
+            not_at_the_lamp,
         );
     }
     checks.finish();

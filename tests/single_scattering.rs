@@ -72,14 +72,14 @@ fn fog_with_a_lamp() {
     let text = format!("{ROOM}{MIRROR}");
     let seen_twice = ["materials.wall.reflectance=0", "render.max_depth=2"];
     let path = of(&text, 16, 900, &[&seen_twice[..], &[PATH]].concat());
-    let traced = of(&text, 16, 400, &[&seen_twice[..], &[PHOTON, TRACED, "photons.volume=100_000"]].concat());
-    checks.agree("in a mirror", &traced, &path, 0.003, 0.004);
+    let traced = of(&text, 32, 400, &[&seen_twice[..], &[PHOTON, TRACED, "photons.volume=100_000"]].concat());
+    checks.agree("in a mirror", &traced, &path, 0.004, 0.004);
     // All light; most of the noise is that of walls. Photons of the second collision on are blurred, but count for less.
     let path = of(ROOM, 16, 400, &[PATH]);
     let photons = "photons.volume=100_000";
-    let traced = of(ROOM, 16, 36, &[PHOTON, TRACED, photons]);
+    let traced = of(ROOM, 28, 36, &[PHOTON, TRACED, photons]);
     checks.agree("all light, traced", &traced, &path, 0.01, 0.003);
-    let gathered = of(ROOM, 16, 36, &[PHOTON, photons]);
+    let gathered = of(ROOM, 36, 36, &[PHOTON, photons]);
     checks.agree("all light, photons", &gathered, &path, 0.01, 0.01);
     checks.finish();
 }
@@ -167,7 +167,7 @@ fn a_caustic_survives() {
     let path = of(CAUSTIC, 16, 1600, &[PATH, depth]);
     let traced = of(CAUSTIC, 16, 64, &[PHOTON, TRACED, depth, "photons.volume=200_000"]);
     checks.agree("traced", &traced, &path, 0.004, 0.006);
-    let photons = of(CAUSTIC, 16, 64, &[PHOTON, depth, "photons.volume=200_000"]);
+    let photons = of(CAUSTIC, 28, 64, &[PHOTON, depth, "photons.volume=200_000"]);
     checks.agree("photons", &photons, &path, 0.004, 0.01);
     // Without what came through the glass it would be darker by more than that.
     let straight = of(CAUSTIC, 16, 400, &[PATH, "render.max_depth=1"]).mean[0];

@@ -2,7 +2,7 @@
 //! it meets (Jarosz et al. 2008, Eq. 20–22).
 
 use super::depth::DepthTable;
-use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Rayleigh, Schlick, Sum};
+use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Sum};
 use crate::math::{DVec3, Frame, Vec3};
 use crate::photon::discs::{LEAF, STACK};
 use crate::photon::kernel::Profile;
@@ -77,8 +77,6 @@ impl PhotonMap {
         match &query.phase.0 {
             Kind::Isotropic => self.gather_phase(query, Isotropic, stats),
             Kind::HenyeyGreenstein(g) => self.gather_phase(query, HenyeyGreenstein::new(*g, omega), stats),
-            Kind::Schlick(k) => self.gather_phase(query, Schlick::new(*k, omega), stats),
-            Kind::Rayleigh => self.gather_phase(query, Rayleigh::new(omega), stats),
             Kind::Sum(terms) => self.gather_phase(query, Sum::new(terms, omega), stats),
         }
     }

@@ -15,7 +15,7 @@
 
 use super::beam::{BeamQuery, GatherStats, Gathered};
 use super::depth::DepthTable;
-use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Rayleigh, Schlick, Sum};
+use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Sum};
 use super::sampled::{Sampled, SampledDepths, Samples, TransmittanceTable};
 use crate::math::{DVec3, Frame, Ray, Vec3};
 use crate::photon::discs::{LEAF, STACK};
@@ -304,8 +304,6 @@ impl PhotonMap {
             Kind::HenyeyGreenstein(g) => {
                 self.serve_phase(bundle, HenyeyGreenstein::new(*g, DVec3::Z), &cone, groups, scratch, stats)
             }
-            Kind::Schlick(k) => self.serve_phase(bundle, Schlick::new(*k, DVec3::Z), &cone, groups, scratch, stats),
-            Kind::Rayleigh => self.serve_phase(bundle, Rayleigh::new(DVec3::Z), &cone, groups, scratch, stats),
             Kind::Sum(terms) => self.serve_phase(bundle, Sum::new(terms, DVec3::Z), &cone, groups, scratch, stats),
         }
     }
@@ -355,8 +353,6 @@ fn phase_constant(phase: &PhaseLanes) -> f64 {
     match &phase.0 {
         Kind::Isotropic => Isotropic.constant(),
         Kind::HenyeyGreenstein(g) => HenyeyGreenstein::new(*g, DVec3::Z).constant(),
-        Kind::Schlick(k) => Schlick::new(*k, DVec3::Z).constant(),
-        Kind::Rayleigh => Rayleigh::new(DVec3::Z).constant(),
         Kind::Sum(terms) => Sum::new(terms, DVec3::Z).constant(),
     }
 }

@@ -30,8 +30,6 @@ pub struct PhaseLanes(pub(super) Kind);
 pub(super) enum Kind {
     Isotropic,
     HenyeyGreenstein(f64),
-    Schlick(f64),
-    Rayleigh,
     Sum(Vec<Term>),
 }
 
@@ -48,9 +46,7 @@ impl PhaseLanes {
         PhaseLanes(match lobe {
             Lobe::Isotropic => Kind::Isotropic,
             Lobe::HenyeyGreenstein(g) if g.abs() <= SHARP => Kind::HenyeyGreenstein(g),
-            Lobe::Schlick(k) if k.abs() <= SHARP => Kind::Schlick(k),
-            Lobe::Rayleigh => Kind::Rayleigh,
-            sharp => Kind::Sum(vec![Term::new(1.0, sharp)]),
+            other => Kind::Sum(vec![Term::new(1.0, other)]),
         })
     }
 
@@ -61,8 +57,6 @@ impl PhaseLanes {
         match &self.0 {
             Kind::Isotropic => 0.0,
             Kind::HenyeyGreenstein(g) => henyey_greenstein(*g),
-            Kind::Schlick(k) => schlick(*k),
-            Kind::Rayleigh => 0.5,
             // No steeper than its steepest term.
             Kind::Sum(terms) => terms
                 .iter()
@@ -155,63 +149,6 @@ impl Evaluate for HenyeyGreenstein {
         let y = d[2].mul_add(L::splat(self.slope[2]), L::splat(self.base)).rsqrt();
         let y2 = y.mul(y);
         (y2.mul(y), y2.mul(L::splat(self.slope[2])))
-    }
-}
-
-#[derive(Clone, Copy)]
-pub(super) struct Schlick {
-    k: f64,
-    slope: [f32; 3],
-}
-
-impl Schlick {
-    pub(super) fn new(k: f64, omega: DVec3) -> Self {
-        Schlick { k, slope: (k * omega).as_vec3().to_array() }
-    }
-}
-
-impl Evaluate for Schlick {
-    fn constant(&self) -> f64 {
-        0.25 / PI * (1.0 - self.k * self.k)
-    }
-    #[inline(always)]
-    fn values<L: Lanes>(&self, d: &[L; 3]) -> L {
-        let y = plus_dot(1.0, d, &self.slope).rsqrt();
-        let y2 = y.mul(y);
-        y2.mul(y2)
-    }
-    #[inline(always)]
-    fn near_axis<L: Lanes>(&self, d: &[L; 3]) -> (L, L) {
-        let y = d[2].mul_add(L::splat(self.slope[2]), L::splat(1.0)).rsqrt();
-        let y2 = y.mul(y);
-        (y2.mul(y2), y2.mul(L::splat(4.0 / 3.0 * self.slope[2])))
-    }
-}
-
-#[derive(Clone, Copy)]
-pub(super) struct Rayleigh {
-    omega: [f32; 3],
-}
-
-impl Rayleigh {
-    pub(super) fn new(omega: DVec3) -> Self {
-        Rayleigh { omega: omega.as_vec3().to_array() }
-    }
-}
-
-impl Evaluate for Rayleigh {
-    fn constant(&self) -> f64 {
-        3.0 / 16.0 / PI
-    }
-    #[inline(always)]
-    fn values<L: Lanes>(&self, d: &[L; 3]) -> L {
-        let c = plus_dot(0.0, d, &self.omega);
-        c.mul_add(c, L::splat(1.0))
-    }
-    #[inline(always)]
-    fn near_axis<L: Lanes>(&self, d: &[L; 3]) -> (L, L) {
-        let value = d[2].mul_add(d[2], L::splat(1.0));
-        (value, d[2].mul(L::splat(-4.0 / 3.0)).div(value))
     }
 }
 

@@ -2,7 +2,7 @@
 //! Jarosz et al. 2008, Eq. 3–4).
 
 use super::march::{Marcher, Steps, Stretch};
-use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Rayleigh, Schlick, Sum};
+use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Sum};
 use super::volume::{lanes, tabulate};
 use super::{DepthTable, GatherStats, Gathered, Reach};
 use crate::math::{DVec3, Rgb, Stream, Vec3};
@@ -72,8 +72,6 @@ impl PointMap {
         let sums = match &query.phase.0 {
             Kind::Isotropic => found.sum(Isotropic, query.max_events, stats),
             Kind::HenyeyGreenstein(g) => found.sum(HenyeyGreenstein::new(*g, omega), query.max_events, stats),
-            Kind::Schlick(k) => found.sum(Schlick::new(*k, omega), query.max_events, stats),
-            Kind::Rayleigh => found.sum(Rayleigh::new(omega), query.max_events, stats),
             Kind::Sum(terms) => found.sum(Sum::new(terms, omega), query.max_events, stats),
         };
         let share = |plane: &Plane| self.profile.ball_share(f64::from(plane.distance) / f64::from(radius));

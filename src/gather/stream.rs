@@ -3,7 +3,7 @@
 
 use super::beam::{Coloured, Found, Grey, RayFrame, Slabs, Transmit, add_block};
 use super::bundle::Bundle;
-use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, Rayleigh, Schlick, Sum};
+use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, Sum};
 use super::{GatherStats, Gathered};
 use crate::math::DVec3;
 use crate::photon::discs::LEAF;
@@ -46,8 +46,6 @@ impl PhotonMap {
             Kind::HenyeyGreenstein(g) => {
                 self.stream_phase(bundle, |omega| HenyeyGreenstein::new(*g, omega), scratch, stats, out)
             }
-            Kind::Schlick(k) => self.stream_phase(bundle, |omega| Schlick::new(*k, omega), scratch, stats, out),
-            Kind::Rayleigh => self.stream_phase(bundle, Rayleigh::new, scratch, stats, out),
             Kind::Sum(terms) => self.stream_phase(bundle, |omega| Sum::new(terms, omega), scratch, stats, out),
         }
     }
