@@ -16,7 +16,8 @@
 //!   camera samples that walk from surface to surface.
 //! - [`photon`] draws photons from lights and glowing media, walks them, stores them where they collide, finds
 //!   their radii and builds the hierarchy over their discs.
-//! - [`gather`] answers beam queries: what a stretch of a ray receives from the discs it crosses.
+//! - [`gather`] answers beam queries: what a stretch of a ray receives from the discs it crosses; and point queries,
+//!   for which it marches along rays.
 //! - [`transport`] is the walk that photons and eye paths share: from one surface to the next through media and
 //!   boundaries, free flights, transmittance, and Russian roulette that keeps the sum of a weight.
 //! - [`light`], [`surface`], [`medium`] and [`geometry`] hold the kinds a scene can be made of, one file each.

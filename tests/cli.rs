@@ -230,20 +230,29 @@ fn what_is_wrong_is_refused_before_the_work() {
         (vec!["info", "notes.txt"], 2, ".toml, .vdb, .npy, .obj"),
         (vec!["info", "broken.exr"], 2, "broken.exr"),
         (vec!["compare", NAME, "-o", "study"], 2, "`volpm compare` is not supported yet"),
-        (vec!["merge", "a", "b", "-o", "c"], 2, "`volpm merge` is not supported yet"),
         (vec!["plan", NAME], 2, "`volpm plan` is not supported yet"),
         (vec!["check", NAME], 2, "`volpm check` is not supported yet"),
         (vec!["new", "scene"], 2, "`volpm new` is not supported yet"),
         (vec!["help", "media.fog.sigma_s"], 2, "not supported yet"),
-        (render(&["--passes", "2"]), 2, "--passes is not supported yet"),
-        (render(&["--time=30s"]), 2, "--time is not supported yet"),
-        (render(&["--target-error", "2%"]), 2, "--target-error is not supported yet"),
-        (render(&["--memory", "8GiB"]), 2, "--memory is not supported yet"),
-        (render(&["--checkpoint", "file"]), 2, "--checkpoint is not supported yet"),
-        (render(&["--resume", "file"]), 2, "--resume is not supported yet"),
-        (render(&["--pass-range", "0..3"]), 2, "--pass-range is not supported yet"),
-        (render(&["--preview", "p.png"]), 2, "--preview is not supported yet"),
-        (render(&["--tev", "localhost:14158"]), 2, "--tev is not supported yet"),
+        (render(&["--passes", "0"]), 2, "--passes"),
+        (render(&["--passes", "4", "--pass-range", "1..2"]), 2, "cannot be used with"),
+        (render(&["--pass-range", "0..3"]), 2, "counted from 1"),
+        (render(&["--time=30"]), 2, "such as 90s"),
+        (render(&["--target-error", "0%"]), 2, "such as 2%"),
+        (render(&["--memory", "8"]), 2, "such as 8GiB"),
+        (render(&["--memory", "1MB"]), 2, "are not enough"),
+        (render(&["--checkpoint", "nowhere/file"]), 1, "there is no folder nowhere"),
+        (render(&["--resume", "missing"]), 2, "missing"),
+        (render(&["--resume", "notes.txt"]), 2, "not a checkpoint"),
+        (render(&["--preview", "p.exr"]), 2, "ends in .png"),
+        (render(&["--preview", "nowhere/p.png"]), 1, "there is no folder nowhere"),
+        #[cfg(feature = "tev")]
+        (render(&["--tev", "localhost"]), 2, "HOST:PORT"),
+        #[cfg(feature = "tev")]
+        (render(&["--tev", "localhost:1"]), 1, "start tev first"),
+        (vec!["merge", "missing", "-o", "c"], 2, "missing"),
+        (vec!["merge", "notes.txt"], 2, "--out"),
+        (vec!["merge", "notes.txt", "-o", "nowhere/c"], 1, "there is no folder nowhere"),
     ];
     for (arguments, status, message) in cases {
         let done = run(folder.path(), &arguments);
@@ -332,6 +341,127 @@ fn an_interrupted_render_writes_what_it_has() {
         let stats: Value = serde_json::from_slice(&fs::read(folder.path().join("s.json")).unwrap()).unwrap();
         assert_eq!(stats["interrupted"], true);
     }
+}
+
+/// Waits until `done`, for a minute at most.
+#[cfg(unix)]
+fn wait_until(what: &str, mut done: impl FnMut() -> bool) {
+    let start = Instant::now();
+    while !done() {
+        assert!(start.elapsed() < Duration::from_secs(60), "waited for {what}");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_render_goes_on_from_its_checkpoint() {
+    let folder = workplace();
+    let at = |name: &str| folder.path().join(name);
+    let base = ["render", NAME, "-q", "--set", "film.exposure=1", "-o"];
+    let arguments = [&base[..], &["a.pfm", "--passes", "1000000", "--checkpoint", "c", "--preview", "p.png"]].concat();
+    let mut child = program(folder.path(), &arguments).stderr(Stdio::null()).spawn().unwrap();
+    // A picture comes while it is made, and is always whole.
+    wait_until("a preview", || at("p.png").exists());
+    assert_eq!(image::read(at("p.png")).unwrap().image.width, 12);
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    assert_eq!(names_in(folder.path()), ["a.pfm", "c", "p.png", "scènes of mine"]);
+
+    // The image is that of the finished passes, which are those of any other run.
+    let again = run(folder.path(), &["merge", "c", "-o", "merged.pfm", "-o", "merged.exr", "-o", "merged.png"]);
+    assert_eq!(again.status.code(), Some(0), "{}", text(&again.stderr));
+    assert_eq!(fs::read(at("merged.pfm")).unwrap(), fs::read(at("a.pfm")).unwrap());
+    assert_eq!(fs::read(at("merged.png")).unwrap(), fs::read(at("p.png")).unwrap());
+    let facts = run(folder.path(), &["info", "c", "--json"]);
+    let facts: Value = serde_json::from_slice(&facts.stdout).unwrap();
+    assert_eq!((&facts["passes"][0]["seed"], &facts["passes"][0]["first"]), (&1.into(), &1.into()), "{facts}");
+    let picture = image::read(at("merged.exr")).unwrap();
+    let attribute = picture.attributes.iter().find(|(name, _)| name == "passes");
+    let Some((_, Attribute::Number(passes))) = attribute else { panic!("{:?}", picture.attributes) };
+    let more = (*passes as u32 + 2).to_string();
+    let resumed = [&base[..], &["b.exr", "--resume", "c", "--passes", &more, "--threads", "1"]].concat();
+    let whole = [&base[..], &["d.exr", "--passes", &more]].concat();
+    for arguments in [resumed, whole] {
+        let done = run(folder.path(), &arguments);
+        assert_eq!((done.status.code(), text(&done.stderr)), (Some(0), String::new()));
+    }
+    let (resumed, whole) = (image::read(at("b.exr")).unwrap(), image::read(at("d.exr")).unwrap());
+    assert!(resumed.image == whole.image && resumed.layers == whole.layers);
+    assert!(whole.layer("standard_error").is_some());
+
+    // Other seeds and settings are refused; a checkpoint that cannot be used is left alone.
+    for (more, message) in [
+        (["--seed", "2"], "holds passes of seed 1, not of seed 2"),
+        (["--samples", "5"], "render.samples is 4 in one and 5 in the other"),
+    ] {
+        let done = run(folder.path(), &[&base[..], &["x.pfm", "--resume", "c", "--checkpoint", "c"], &more].concat());
+        assert_eq!(done.status.code(), Some(2));
+        assert!(text(&done.stderr).contains(message), "{}", text(&done.stderr));
+    }
+    let twice = run(folder.path(), &["merge", "c", "c", "-o", "x.pfm"]);
+    assert_eq!(twice.status.code(), Some(2));
+    assert!(text(&twice.stderr).contains("both hold"), "{}", text(&twice.stderr));
+    assert!(!at("x.pfm").exists() && run(folder.path(), &["merge", "c", "-o", "x"]).status.success());
+}
+
+#[test]
+fn a_render_keeps_to_time_and_error() {
+    let folder = workplace();
+    let stats = |more: &[&str]| -> Value {
+        let arguments = [&["render", NAME, "-q", "-o", "a.pfm", "--stats", "s.json"], more].concat();
+        let done = run(folder.path(), &arguments);
+        assert_eq!(done.status.code(), Some(0), "{more:?}: {}", text(&done.stderr));
+        serde_json::from_slice(&fs::read(folder.path().join("s.json")).unwrap()).unwrap()
+    };
+    for method in ["render.method=photon", "render.method=path"] {
+        let start = Instant::now();
+        let timed = stats(&["--time", "1.5s", "--set", method]);
+        assert!(start.elapsed() < Duration::from_secs(8), "{:?}", start.elapsed());
+        let passes = timed["passes"].as_u64().unwrap();
+        assert!(passes > 1 && timed["samples"] == 4 * passes && timed["error"].as_f64() > Some(0.0), "{timed}");
+        let precise = stats(&["--target-error", "20%", "--set", method]);
+        assert!(precise["error"].as_f64() <= Some(0.2) && precise["passes"].as_u64() >= Some(4), "{precise}");
+    }
+    let limited = stats(&["--time", "1h", "--passes", "3"]);
+    assert_eq!(limited["passes"], 3);
+    let short = stats(&["--time", "10ms", "--samples", "100000000"]);
+    assert_eq!((&short["passes"], &short["interrupted"]), (&0.into(), &false.into()));
+    let warnings = short["warnings"].as_array().unwrap();
+    assert!(warnings.iter().any(|warning| warning.as_str().unwrap().contains("of 100000000 samples")), "{short}");
+}
+
+#[cfg(feature = "tev")]
+#[test]
+fn a_viewer_gets_the_image() {
+    use std::io::Read;
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let viewer = std::thread::spawn(move || {
+        let (mut socket, _) = listener.accept().unwrap();
+        let mut bytes = Vec::new();
+        socket.read_to_end(&mut bytes).unwrap();
+        bytes
+    });
+    let folder = workplace();
+    let done = run(folder.path(), &["render", NAME, "-q", "-o", "a.pfm", "--tev", &address]);
+    assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+    let bytes = viewer.join().unwrap();
+    // Packets: length, kind, content.
+    let mut packets = Vec::new();
+    let mut rest = &bytes[..];
+    while let Some((length, _)) = rest.split_first_chunk::<4>() {
+        let (packet, after) = rest.split_at(u32::from_le_bytes(*length) as usize);
+        packets.push(&packet[4..]);
+        rest = after;
+    }
+    let (create, update) = (4, 6);
+    let kinds: Vec<u8> = packets.iter().map(|packet| packet[0]).collect();
+    assert!(kinds[0] == create && kinds.len() > 1 && kinds[1..].iter().all(|kind| *kind == update), "{kinds:?}");
+    assert!(packets[0].windows(NAME.len()).any(|part| part == NAME.as_bytes()));
+    let image = image::read(folder.path().join("a.pfm")).unwrap().image;
+    let pixels: Vec<u8> = image.pixels.iter().flatten().flat_map(|value| value.to_le_bytes()).collect();
+    assert!(packets.last().unwrap().ends_with(&pixels), "the last image is another");
 }
 
 #[test]

@@ -207,6 +207,19 @@ fn single_scattering_around_a_point_light() {
             &Allowed { precision: PEAKED, ..BLURRED },
             away_from_the_lamp,
         );
+        let traced = images(
+            SEEDS,
+            &text,
+            &["render.method=photon", "volume.single_scattering=traced", "render.samples=8", "film.layers=false"],
+        );
+        compare(
+            &mut checks,
+            &format!("{name}, traced"),
+            &traced,
+            &reference,
+            &Allowed { precision: PEAKED, ..UNBIASED },
+            everywhere,
+        );
     }
     checks.finish();
 }

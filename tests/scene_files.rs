@@ -137,7 +137,7 @@ rotate = 45
 [render]
 method = "path"
 samples = 8
-passes = 1
+passes = 3
 seed = 18446744073709551615
 max_depth = 3
 
@@ -146,14 +146,15 @@ volume = 1_000
 max_emitted = 2_000
 
 [volume]
-estimate = "beam"
+estimate = "point"
 kernel = "fixed"
-profile = "biweight"
+profile = "epanechnikov"
 radius = 0.1
 neighbours = 50
 pilot = 8
 max_radius = 0.5
-single_scattering = "photons"
+single_scattering = "approximate"
+march = { step = "adaptive", size = 0.25, contrast = 0.2 }
 "#;
 
 const CAMERA: &str = "[camera]\nposition = [0, 0, 4]\ntarget = [0, 0, 0]\n";
@@ -274,14 +275,18 @@ fn every_key_is_read_as_the_manual_says() {
     };
     assert_eq!((file.value.as_path(), *scale, *rotate), (Path::new("scenes/sky.hdr"), Rgb::splat(2.0), 45.0));
 
-    assert_eq!(scene.render, Render { method: Method::Path, samples: 8, seed: u64::MAX, max_depth: 3 });
+    assert_eq!(scene.render, Render { method: Method::Path, samples: 8, passes: 3, seed: u64::MAX, max_depth: 3 });
     assert_eq!(scene.photons, Photons { volume: Some(1000), max_emitted: 2000 });
     let volume = Volume {
+        estimate: Estimate::Point,
         kernel: Kernel::Fixed,
+        profile: Some(Profile::Epanechnikov),
         radius: Some(0.1),
         neighbours: Some(50),
         pilot: Some(8),
         max_radius: Some(0.5),
+        single_scattering: SingleScattering::Approximate,
+        march: March { step: Step::Adaptive, size: Some(0.25), contrast: 0.2 },
     };
     assert_eq!(scene.volume, volume);
 }
@@ -292,8 +297,9 @@ fn a_camera_is_enough() {
     assert_eq!((scene.film.width, scene.film.height, scene.film.filter), (640, 480, Filter::Box));
     assert_eq!((scene.film.exposure, scene.film.tone_map), (None, ToneMap::Filmic));
     assert_eq!((scene.camera.up, scene.camera.fov, scene.camera.focus_distance), (DVec3::Y, 40.0, 4.0));
-    assert_eq!(scene.render, Render { method: Method::Photon, samples: 16, seed: 1, max_depth: 0 });
-    assert_eq!(scene.volume.kernel, Kernel::Variable);
+    assert_eq!(scene.render, Render { method: Method::Photon, samples: 16, passes: 1, seed: 1, max_depth: 0 });
+    assert_eq!((scene.volume.kernel, scene.volume.estimate), (Kernel::Variable, Estimate::Beam));
+    assert_eq!(scene.volume.march, March { step: Step::Exponential, size: None, contrast: 0.5 });
     assert_eq!((scene.photons.volume, scene.photons.max_emitted), (None, 50_000_000));
     assert!(scene.warnings[0].contains("nothing gives light"), "{:?}", scene.warnings);
 }
@@ -304,7 +310,7 @@ const MISTAKES: &[(&str, &str, &str)] = &[
     (
         "[media.fog]\n‸sgima_s = 1\n",
         "media.fog.sgima_s",
-        "unknown key; did you mean `sigma_s`? (keys here: sigma_s, sigma_a",
+        "unknown key; did you mean `sigma_s`? (keys here: phase, sigma_s, sigma_a",
     ),
     ("[‸flim]\n", "flim", "did you mean `film`?"),
     ("[film]\n‸wdith = 1\n", "film.wdith", "did you mean `width`?"),
@@ -519,6 +525,27 @@ const MISTAKES: &[(&str, &str, &str)] = &[
         "shapes.0.transform",
         "cannot be inverted",
     ),
+    // Measured media, units, noise.
+    ("[media.a]\npreset = ‸\"marbel\"\n", "media.a.preset", "\"wholemilk\"; did you mean `marble`?"),
+    ("[media.a]\nsigma_a = 1\npreset = ‸\"marble\"\n", "media.a.preset", "is given beside coefficients"),
+    ("[media.a]\nalbedo = 1\npreset = ‸\"marble\"\n", "media.a.preset", "is given beside coefficients"),
+    ("[media.a]\nsigma_s = 1\nunit = ‸\"km\"\n", "media.a.unit", "one of \"scene\", \"mm\", \"cm\", \"m\""),
+    (
+        "[media.a]\nsigma_s = 1\nphase = { type = \"mie\", diameter = ‸51 }\n",
+        "media.a.phase.diameter",
+        "found 51; expected a number above 0 and at most 50",
+    ),
+    ("[media.a]\nsigma_s = 1\nphase = { type = \"mie\", diameter = ‸0 }\n", "media.a.phase.diameter", "found 0;"),
+    (
+        "[media.a]\nsigma_s = 1\ndensity = { type = \"noise\", threshold = ‸1 }\n",
+        "media.a.density.threshold",
+        "at least 0 and below 1",
+    ),
+    (
+        "[media.a]\nsigma_s = 1\ndensity = { type = \"noise\" }\n[world]\nmedium = ‸\"a\"\n",
+        "world.medium",
+        "noise, which has no end; expected it as the `interior` of shapes",
+    ),
     // TOML itself.
     ("[film]\nwidth = ‸\n", "", "not valid TOML"),
     ("[film]\nwidth = 1\n‸width = 2\n", "", "duplicate key"),
@@ -584,19 +611,8 @@ fn several_mistakes_are_reported_at_once_in_the_order_of_the_file() {
 
 /// Keys of the manual whose features are still to come.
 const LATER: &[&str] = &[
-    "[media.a]\npreset = \"marble\"\n",
-    "[media.a]\nsigma_s = 1\nunit = \"mm\"\n",
-    "[media.a]\nsigma_s = 1\nphase = { type = \"mie\", diameter = 20 }\n",
-    "[media.a]\nsigma_s = 1\ndensity = { type = \"noise\", scale = 1, octaves = 3, threshold = 0, seed = 1 }\n",
-    "[render]\npasses = 2\n",
     "[photons]\nglobal = 200_000\n",
     "[photons]\ncaustic = 200_000\n",
-    "[volume]\nestimate = \"point\"\n",
-    "[volume]\nprofile = \"epanechnikov\"\n",
-    "[volume]\nprofile = \"constant\"\n",
-    "[volume]\nsingle_scattering = \"traced\"\n",
-    "[volume]\nsingle_scattering = \"approximate\"\n",
-    "[volume]\nmarch = { step = \"exponential\", size = 0.25, contrast = 0.1 }\n",
     "[surface]\nindirect = \"final_gather\"\n",
     "[surface]\nestimate = \"knn\"\n",
     "[surface]\ngather_rays = 200\n",
@@ -622,7 +638,7 @@ fn what_is_not_built_yet_is_refused_as_such() {
         assert!(message.lines().all(|line| line.contains("not supported yet")), "{message}");
     }
     // What these say is what is done anyway.
-    let idle = "[photons]\nglobal = 0\ncaustic = 0\n[surface]\nirradiance_cache = false\n[media.a]\nsigma_s = 1\nunit = \"scene\"\n";
+    let idle = "[photons]\nglobal = 0\ncaustic = 0\n[surface]\nirradiance_cache = false\n";
     assert!(parse(&format!("{idle}{CAMERA}"), &[]).is_ok());
 }
 
@@ -669,11 +685,52 @@ fn overrides_reach_every_key() {
         ("film.width.x=3", "film.width is a single value"),
         ("shapes.7.radius=1", "shapes.7: no such element; expected a name or an index from 0 to 6"),
         ("shapes.hazy.radius=1", "shapes.hazy: no such element; did you mean `haze`?"),
-        ("volume.march.step=uniform", "volume.march: marching is not supported yet"),
+        ("volume.march.step=unifrom", "did you mean `uniform`?"),
     ] {
         let message = complaint(SAMPLE, &[text]);
         assert!(message.contains(part), "expected {part} in\n{message}");
     }
+}
+
+/// σ_s and σ_a of the medium `a`.
+fn coefficients(text: &str) -> (Rgb, Rgb) {
+    let scene = parse(&format!("{text}{CAMERA}"), &[]).unwrap_or_else(|error| panic!("{error}"));
+    (scene.media[0].sigma_s, scene.media[0].sigma_a)
+}
+
+#[test]
+fn coefficients_are_converted_to_scene_units() {
+    let close = |(s, a): (Rgb, Rgb), sigma_s: [f64; 3], sigma_a: [f64; 3]| {
+        let off = (s / Rgb::from_array(sigma_s) - 1.0).abs().max((a / Rgb::from_array(sigma_a) - 1.0).abs());
+        assert!(off.max_element() < 1e-12, "{s} and {a}, not {sigma_s:?} and {sigma_a:?}");
+    };
+    // Per millimetre, in a scene of metres.
+    close(coefficients("[media.a]\npreset = \"marble\"\n"), [2190.0, 2620.0, 3000.0], [2.1, 4.1, 7.1]);
+    let centimetres = "[world]\nunit = \"cm\"\n[media.a]\nscale = 0.5\n";
+    close(coefficients(&format!("{centimetres}preset = \"cream\"\n")), [36.9, 27.35, 15.75], [0.001, 0.014, 0.0815]);
+    close(
+        coefficients(&format!("{centimetres}preset = \"ketchup\"\nunit = \"m\"\n")),
+        [0.0009, 0.00035, 0.00015],
+        [0.000305, 0.00485, 0.00725],
+    );
+    close(coefficients("[media.a]\npreset = \"skin1\"\nunit = \"scene\"\n"), [0.74, 0.88, 1.01], [0.032, 0.17, 0.48]);
+    // What was measured is the reduced coefficient.
+    let forward = "[media.a]\npreset = \"wholemilk\"\nunit = \"scene\"\nphase = { type = \"mixture\", lobes = [{ weight = 0.75, type = \"hg\", g = 0.8 }, { weight = 0.25, type = \"rayleigh\" }] }\n";
+    close(coefficients(forward), [2.55 / 0.4, 3.21 / 0.4, 3.77 / 0.4], [0.0011, 0.0024, 0.014]);
+    let other = "[world]\nunit = \"mm\"\n[media.a]\nunit = \"cm\"\nsigma_t = 20\nalbedo = 0.25\n";
+    close(coefficients(other), [0.5; 3], [1.5; 3]);
+    close(coefficients("[media.a]\nsigma_s = 2\nsigma_a = 3\n[world]\nunit = \"mm\"\n"), [2.0; 3], [3.0; 3]);
+}
+
+#[test]
+fn kinds_have_their_defaults() {
+    let media = |text: &str| parse(&format!("[media.a]\nsigma_s = 1\n{text}\n{CAMERA}"), &[]).map(|scene| scene.media);
+    let noise = media("density = { type = \"noise\" }").expect("defaults");
+    assert_eq!(noise[0].density, Density::Noise { scale: 1.0, octaves: 4, threshold: 0.5, seed: 0 });
+    let text = "density = { type = \"noise\", scale = 2, octaves = 3, threshold = 0, seed = 9 }\nphase = { type = \"mie\", diameter = 20 }";
+    let noise = media(text).expect("every key");
+    assert_eq!(noise[0].density, Density::Noise { scale: 2.0, octaves: 3, threshold: 0.0, seed: 9 });
+    assert_eq!(noise[0].phase, Phase::Mie { diameter: 20.0 });
 }
 
 #[test]

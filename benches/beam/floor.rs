@@ -10,6 +10,20 @@ pub struct List {
     fields: [Vec<f32>; 10],
 }
 
+/// A ray, ω and two directions across it, and what is to be added to a place's coordinates along them.
+pub struct Prepared {
+    axes: [Vec3; 3],
+    offsets: [f32; 3],
+}
+
+impl Prepared {
+    pub fn new(ray: &Ray) -> Self {
+        let frame = Frame::around(ray.direction);
+        let axes = [ray.direction, frame.x, frame.y];
+        Prepared { axes: axes.map(|axis| axis.as_vec3()), offsets: axes.map(|axis| -axis.dot(ray.origin) as f32) }
+    }
+}
+
 /// Photons per vector.
 const WIDTH: usize = 16;
 
@@ -42,9 +56,9 @@ impl List {
         self.fields[0].len()
     }
 
-    /// Radiance in a homogeneous grey medium under Henyey and Greenstein's phase function; `None` without
-    /// AVX-512.
-    pub fn evaluate(&self, ray: &Ray, sigma: f32, g: f32) -> Option<Vec3> {
+    /// Radiance in a homogeneous grey medium under Henyey and Greenstein's phase function, along a ray with two
+    /// directions across it; `None` without AVX-512.
+    pub fn evaluate(&self, ray: &Prepared, sigma: f32, g: f32) -> Option<Vec3> {
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx512f") {
             // SAFETY: the feature is there.
@@ -57,7 +71,7 @@ impl List {
 
 #[cfg(target_arch = "x86_64")]
 mod avx512 {
-    use super::{Frame, Ray, Vec3, WIDTH};
+    use super::{Prepared, Vec3, WIDTH};
     use std::arch::x86_64::*;
 
     /// Minimax coefficients of (2^f − 1)/f on [−½, ½].
@@ -75,11 +89,9 @@ mod avx512 {
     }
 
     #[target_feature(enable = "avx512f")]
-    pub fn evaluate(fields: &[Vec<f32>; 10], ray: &Ray, sigma: f32, g: f32) -> Vec3 {
-        let frame = Frame::around(ray.direction);
-        let axes = [ray.direction, frame.x, frame.y];
-        let [omega, u, v] = axes.map(|axis| splat3(axis.as_vec3()));
-        let offsets = axes.map(|axis| _mm512_set1_ps(-axis.dot(ray.origin) as f32));
+    pub fn evaluate(fields: &[Vec<f32>; 10], ray: &Prepared, sigma: f32, g: f32) -> Vec3 {
+        let [omega, u, v] = ray.axes.map(|axis| splat3(axis));
+        let offsets = ray.offsets.map(|offset| _mm512_set1_ps(offset));
         let exponent = _mm512_set1_ps(-sigma * std::f32::consts::LOG2_E);
         let (base, slope) = (_mm512_set1_ps(1.0 + g * g), _mm512_set1_ps(2.0 * g));
         let (zero, one) = (_mm512_setzero_ps(), _mm512_set1_ps(1.0));

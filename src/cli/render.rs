@@ -1,18 +1,25 @@
 //! `volpm render`.
 
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use clap::Args;
 use serde::Serialize;
 
+use super::picture::{Facts, method_name, picture, tone};
 use super::progress::Bar;
-use crate::image::{self, Attribute, Format, Picture, ToneMap, ToneSettings};
+#[cfg(feature = "tev")]
+use super::tev::Viewer;
+use super::values;
+use super::watch::Watch;
+use crate::image::{self, Format};
 use crate::medium::density::Density;
-use crate::render::{self, Rendering, Stats};
-use crate::scene::description::{self, Description, Method};
+use crate::render::checkpoint::Subject;
+use crate::render::{self, Checkpoint, End, Film, Limits, Rendering, Stats};
+use crate::scene::description::Description;
 use crate::scene::{self, Scene};
 use crate::{Error, Result};
 
@@ -33,6 +40,35 @@ pub struct Arguments {
     /// The seed of all random numbers (render.seed).
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
+    /// Passes, each with fresh photons in narrower discs (render.passes).
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    passes: Option<u32>,
+    /// Makes only these passes of a longer render, counted from 1, both ends included: 9..16.
+    #[arg(long, value_name = "A..B", value_parser = values::passes, conflicts_with = "passes")]
+    pass_range: Option<RangeInclusive<u32>>,
+    /// Refines until this time is up, counted after loading: 90s, 1.5m, 2h. Unless --passes says otherwise, with
+    /// as many passes as fit.
+    #[arg(long, value_name = "TIME", value_parser = values::time)]
+    time: Option<Duration>,
+    /// Refines until the standard error over passes is so small a share of the image: 2%.
+    #[arg(long, value_name = "SHARE", value_parser = values::share)]
+    target_error: Option<f64>,
+    /// Splits passes so that the render takes about this much memory at most: 8GiB.
+    #[arg(long, value_name = "SIZE", value_parser = values::bytes)]
+    memory: Option<u64>,
+    /// Keeps finished passes in this file, for --resume and `volpm merge`: now and then, on Ctrl-C, and in the end.
+    #[arg(long, value_name = "FILE")]
+    checkpoint: Option<PathBuf>,
+    /// Goes on from a checkpoint of the same scene: passes that it holds are not repeated.
+    #[arg(long, value_name = "FILE")]
+    resume: Option<PathBuf>,
+    /// Rewrites this picture as the image is refined.
+    #[arg(long, value_name = "FILE.png", value_parser = values::png)]
+    preview: Option<PathBuf>,
+    /// Shows the image in the viewer tev as it is refined.
+    #[cfg(feature = "tev")]
+    #[arg(long, value_name = "HOST:PORT", value_parser = values::address)]
+    tev: Option<String>,
     /// Threads to use; default: all cores.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
@@ -52,12 +88,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         Format::of(output)?;
         image::check_target(output)?;
     }
-    if let Some(path) = &arguments.stats {
+    for path in [&arguments.stats, &arguments.checkpoint, &arguments.preview].into_iter().flatten() {
         image::check_target(path)?;
     }
+    let before = arguments.resume.as_ref().map(|path| Ok((path, Checkpoint::read(path)?))).transpose()?;
     let mut overrides = arguments.set.clone();
     overrides.extend(arguments.samples.map(|n| format!("render.samples={n}")));
     overrides.extend(arguments.seed.map(|n| format!("render.seed={n}")));
+    overrides.extend(arguments.passes.map(|n| format!("render.passes={n}")));
 
     let stop = Arc::new(AtomicBool::new(false));
     let flag = stop.clone();
@@ -74,7 +112,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         .num_threads(threads)
         .build()
         .map_err(|error| Error::Limit(format!("cannot start {threads} threads: {error}")))?;
-    let bar = Bar::new(arguments.quiet);
     let (description, scene) = pool.install(|| -> Result<(Description, Scene)> {
         let description = scene::read(&arguments.scene, &overrides)?;
         let scene = scene::build(&description)?;
@@ -84,9 +121,28 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if !arguments.quiet {
         describe(&scene);
     }
-    let rendering = pool.install(|| render::render(&scene, &bar, &stop));
-    bar.finish();
-    let rendering = rendering?;
+    let limits = limits(arguments);
+    let mut watch = Watch::new(Bar::new(arguments.quiet), tone(&description.film));
+    if let Some(path) = &arguments.preview {
+        watch.preview(path.clone());
+    }
+    let mut start_from = None;
+    if before.is_some() || arguments.checkpoint.is_some() {
+        let subject = Subject::new(&description, limits.parts(&scene, render::volume_photons(&scene))?);
+        if let Some((path, before)) = before {
+            start_from = Some(continued(path, before, &subject, scene.render.seed)?);
+        }
+        if let Some(path) = &arguments.checkpoint {
+            watch.checkpoint(path.clone(), subject);
+        }
+    }
+    #[cfg(feature = "tev")]
+    if let Some(address) = &arguments.tev {
+        let name = description.path.display().to_string();
+        watch.viewer(Viewer::new(address, &name, (scene.film.width, scene.film.height))?);
+    }
+    let rendering = pool.install(|| render::refine(&scene, &limits, start_from, &watch, &stop))?;
+    let kept = watch.finish(&rendering.film, &rendering.stats);
     let total = start.elapsed().as_secs_f64();
     if !arguments.quiet {
         for warning in &rendering.warnings {
@@ -95,20 +151,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
 
     let report = Report::new(&description, &scene, &rendering, pool.current_num_threads(), load, total);
-    let picture = picture(&description, &rendering, total);
-    let film = &description.film;
-    let tone = ToneSettings {
-        exposure: film.exposure,
-        curve: match film.tone_map {
-            description::ToneMap::Linear => ToneMap::Linear,
-            description::ToneMap::Filmic => ToneMap::Filmic,
-        },
-    };
+    let tone = tone(&description.film);
     // What cannot be written must not cost what can.
-    let mut written: Vec<Result<()>> = Vec::new();
+    let mut written: Vec<Result<()>> = kept;
     // An image without a sample would only replace a better one.
     let seen = rendering.film.has_samples();
     if seen {
+        let picture = picture(&rendering.film, &rendering.stats, &facts(&description, &rendering.film, total));
         written.extend(outputs.iter().map(|output| image::write(output, &picture, &tone)));
     }
     if let Some(path) = &arguments.stats {
@@ -120,7 +169,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         failures.for_each(|error| eprintln!("error: {error}"));
         return Err(first);
     }
-    if rendering.interrupted {
+    if let Some(path) = arguments.checkpoint.as_ref().filter(|_| !arguments.quiet) {
+        match rendering.film.done().count() {
+            0 => eprintln!("{}: not written: no pass is finished", path.display()),
+            passes => eprintln!("{}: {passes} passes, to go on from with --resume", path.display()),
+        }
+    }
+    if rendering.end == End::Interrupted {
         if !arguments.quiet {
             let names: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
             let done = if seen { "as far as it came" } else { "not written: there is no sample yet" };
@@ -128,10 +183,61 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         }
         return Err(Error::Interrupted);
     }
+    if !seen {
+        let names: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
+        return Err(Error::Limit(format!(
+            "the time was up before there was any sample: {} not written; allow more --time",
+            names.join(", ")
+        )));
+    }
     if !arguments.quiet {
         summarise(&report, &rendering.stats, &outputs);
     }
     Ok(())
+}
+
+fn limits(arguments: &Arguments) -> Limits {
+    // Where time or error end the render, passes do so only if the command line says so.
+    let ends_by_itself = arguments.time.is_some() || arguments.target_error.is_some();
+    let passes = arguments.passes.filter(|_| ends_by_itself).map(|last| 1..=last);
+    Limits {
+        passes: arguments.pass_range.clone().or(passes),
+        time: arguments.time,
+        target_error: arguments.target_error,
+        memory: arguments.memory,
+        resumable: arguments.checkpoint.is_some(),
+    }
+}
+
+/// What a checkpoint holds, if it can be continued.
+fn continued(path: &Path, before: Checkpoint, subject: &Subject, seed: u64) -> Result<(Film, Stats)> {
+    if let Some(difference) = before.subject.difference(subject) {
+        return Err(Error::asset(
+            path,
+            format!("this checkpoint is of another scene or other settings (it, then now): {difference}"),
+        ));
+    }
+    let seeds: Vec<u64> = before.film.done().seeds().collect();
+    if !seeds.contains(&seed) {
+        let seeds: Vec<String> = seeds.iter().map(u64::to_string).collect();
+        return Err(Error::asset(
+            path,
+            format!(
+                "this checkpoint holds passes of seed {}, not of seed {seed}: give --seed, or render the new seed by itself and join both with `volpm merge`",
+                seeds.join(", ")
+            ),
+        ));
+    }
+    Ok((before.film, before.stats))
+}
+
+fn facts(description: &Description, film: &Film, seconds: f64) -> Facts<'static> {
+    let mut seeds: Vec<u64> = film.done().seeds().collect();
+    if seeds.is_empty() {
+        seeds.push(description.render.seed);
+    }
+    let scene = description.path.display().to_string();
+    Facts { scene, method: method_name(description.render.method), seeds, seconds }
 }
 
 fn outputs(arguments: &Arguments) -> Result<Vec<PathBuf>> {
@@ -178,30 +284,6 @@ fn describe(scene: &Scene) {
     }
 }
 
-fn picture(description: &Description, rendering: &Rendering, total: f64) -> Picture {
-    let text = |text: &str| Attribute::Text(text.to_string());
-    Picture {
-        image: rendering.film.image(),
-        layers: rendering.film.layers(),
-        attributes: vec![
-            ("scene".to_string(), text(&description.path.display().to_string())),
-            ("renderer".to_string(), text(concat!("volpm ", env!("CARGO_PKG_VERSION")))),
-            ("method".to_string(), text(method_name(description.render.method))),
-            ("seed".to_string(), text(&description.render.seed.to_string())),
-            ("samples".to_string(), Attribute::Number(rendering.stats.samples as f64)),
-            ("passes".to_string(), Attribute::Number(rendering.stats.passes as f64)),
-            ("seconds".to_string(), Attribute::Number(total)),
-        ],
-    }
-}
-
-fn method_name(method: Method) -> &'static str {
-    match method {
-        Method::Photon => "photon",
-        Method::Path => "path",
-    }
-}
-
 /// What `--stats` writes.
 #[derive(Serialize)]
 struct Report {
@@ -213,8 +295,10 @@ struct Report {
     photons: Photons,
     gather: Gather,
     bytes: Bytes,
-    passes: u32,
-    samples: u32,
+    passes: u64,
+    samples: u64,
+    /// The relative standard error over passes.
+    error: Option<f64>,
     interrupted: bool,
     warnings: Vec<String>,
 }
@@ -301,7 +385,8 @@ impl Report {
             bytes: Bytes { peak: peak_bytes(), volume_map: stats.map_bytes, surface_maps: 0, density },
             passes: stats.passes,
             samples: stats.samples,
-            interrupted: rendering.interrupted,
+            error: stats.error,
+            interrupted: rendering.end == End::Interrupted,
             warnings: scene.warnings.iter().chain(&rendering.warnings).cloned().collect(),
         }
     }
@@ -322,6 +407,12 @@ fn summarise(report: &Report, stats: &Stats, outputs: &[PathBuf]) {
         parts.push(format!("map {:.1} s ({:.0} MB)", seconds.build, stats.map_bytes as f64 * 1e-6));
     }
     parts.push(format!("pixels {:.1} s", seconds.render));
+    if stats.passes > 1 {
+        parts.push(format!("{} passes", stats.passes));
+    }
+    if let Some(error) = stats.error {
+        parts.push(format!("standard error {:.2} %", 100.0 * error));
+    }
     let names: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
     eprintln!("{}: {}", names.join(", "), parts.join(", "));
 }

@@ -5,7 +5,7 @@ use super::depth::DepthTable;
 use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Rayleigh, Schlick, Sum};
 use crate::math::{DVec3, Frame, Vec3};
 use crate::photon::discs::{LEAF, STACK};
-use crate::photon::kernel::disc_share_lanes;
+use crate::photon::kernel::Profile;
 use crate::photon::map::{PhotonMap, WallLayer};
 use crate::photon::simd::{LANES, Lanes, Row, Task, at_most, prefetch};
 use std::f64::consts::LOG2_E;
@@ -39,7 +39,8 @@ pub struct Gathered {
 }
 
 /// What queries cost, summed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, serde::Serialize, serde::Deserialize, PartialEq, Eq)]
+#[serde(default)]
 pub struct GatherStats {
     /// Queries made.
     pub queries: u64,
@@ -249,9 +250,11 @@ pub(super) fn add_block<L: Lanes>(
     if bits == 0 {
         return;
     }
-    let mut factor = q.mul(q).mul(phase.values(&load3::<L>(&block.direction)));
+    let [c0, c1, c2] = map.profile.polynomial();
+    let shape = q.mul_add(q.mul_add(L::splat(c2), L::splat(c1)), L::splat(c0));
+    let mut factor = shape.mul(phase.values(&load3::<L>(&block.direction)));
     for wall in map.walls(index) {
-        let (share, near) = beside_wall(wall, ray, a, b, inverse_square);
+        let (share, near) = beside_wall(map.profile, wall, ray, a, b, inverse_square);
         factor = factor.div(share);
         mask = L::and(mask, near);
         bits = L::bits(mask);
@@ -429,7 +432,14 @@ impl Slabs {
 /// The share of each disc on the photon's side of its wall, and whether the foot point is there too.
 /// `a` and `b` are the photon's coordinates across the ray: the foot point is x − a u − b v.
 #[inline(always)]
-fn beside_wall<L: Lanes>(wall: &WallLayer, ray: &RayLanes<L>, a: L, b: L, inverse_square: L) -> (L, L::Mask) {
+fn beside_wall<L: Lanes>(
+    profile: Profile,
+    wall: &WallLayer,
+    ray: &RayLanes<L>,
+    a: L,
+    b: L,
+    inverse_square: L,
+) -> (L, L::Mask) {
     let zero = L::splat(0.0);
     let normal = load3::<L>(&wall.normal);
     let (nu, nv) = (dot_plus(&normal, &ray.u, zero), dot_plus(&normal, &ray.v, zero));
@@ -437,7 +447,7 @@ fn beside_wall<L: Lanes>(wall: &WallLayer, ray: &RayLanes<L>, a: L, b: L, invers
     // The wall cuts the disc's plane in a line at height/sin θ; it never does if the ray is normal to it.
     let sin2 = nu.mul_add(nu, nv.mul(nv)).max(L::splat(f32::MIN_POSITIVE));
     let s2 = height.mul(height).mul(inverse_square).div(sin2);
-    (disc_share_lanes(s2), zero.less(height))
+    (profile.disc_share_lanes(s2), zero.less(height))
 }
 
 #[cfg(test)]
@@ -446,7 +456,6 @@ mod tests {
     use crate::gather::Lobe;
     use crate::math::random::{Purpose, Stream};
     use crate::math::sampling;
-    use crate::photon::kernel::{biweight, disc_share};
     use crate::photon::simd::Isa;
     use crate::photon::{MapSettings, Photon, Plane, Radius};
     use smallvec::SmallVec;
@@ -496,11 +505,16 @@ mod tests {
         let to_eye = -omega;
         let one_minus = 0.5 * (d.normalize() - to_eye).length_squared();
         let one_plus = 0.5 * (d.normalize() + to_eye).length_squared();
+        let henyey_greenstein = |g: f64| {
+            let x = if g < 0.0 { one_plus } else { one_minus };
+            (1.0 - g * g) / (4.0 * PI * ((1.0 - g.abs()).powi(2) + 2.0 * g.abs() * x).powf(1.5))
+        };
         let value = |lobe: &Lobe| match *lobe {
             Lobe::Isotropic => 0.25 / PI,
-            Lobe::HenyeyGreenstein(g) => {
-                let x = if g < 0.0 { one_plus } else { one_minus };
-                (1.0 - g * g) / (4.0 * PI * ((1.0 - g.abs()).powi(2) + 2.0 * g.abs() * x).powf(1.5))
+            Lobe::HenyeyGreenstein(g) => henyey_greenstein(g),
+            Lobe::Draine(g, alpha) => {
+                let cos = 1.0 - one_minus;
+                henyey_greenstein(g) * (1.0 + alpha * cos * cos) / (1.0 + alpha * (1.0 + 2.0 * g * g) / 3.0)
             }
             Lobe::Schlick(k) => {
                 let x = if k < 0.0 { one_plus } else { one_minus };
@@ -530,7 +544,7 @@ mod tests {
     /// The sum as the documentation has it, over all photons, in f64.
     fn reference(
         photons: &[Photon],
-        radii: &[f64],
+        (radii, profile): (&[f64], Profile),
         query: &BeamQuery,
         lobes: &[(f64, Lobe)],
         depth: impl Fn(f64) -> f64,
@@ -545,7 +559,7 @@ mod tests {
             if t <= 0.0 || t >= f64::from(query.length) || foot.distance(x) >= r || photon.events > query.max_events {
                 continue;
             }
-            let mut value = biweight(foot.distance(x) / r) / (r * r);
+            let mut value = profile.disc(foot.distance(x) / r) / (r * r);
             value *= phase(lobes, photon.direction.as_dvec3(), query.direction);
             walls.clear();
             planes(photon.position, r as f32, &mut walls);
@@ -556,7 +570,7 @@ mod tests {
                 if height <= 0.0 {
                     continue 'photons;
                 }
-                value /= disc_share(height / (r * normal.cross(query.direction).length()));
+                value /= profile.disc_share(height / (r * normal.cross(query.direction).length()));
             }
             for channel in 0..3 {
                 let transmittance = (-f64::from(query.extinction[channel]) * depth(t)).exp();
@@ -600,9 +614,11 @@ mod tests {
                 (0.4, Lobe::HenyeyGreenstein(0.3)),
                 (0.1, Lobe::Schlick(-0.2)),
             ],
+            vec![(0.49, Lobe::HenyeyGreenstein(0.998)), (0.51, Lobe::Draine(0.63, 32.0))],
         ];
         let variable = Radius::Variable { neighbours: 40, pilot: 7, max_radius: 0.6 };
-        let counts = [1, 15, 16, 17, 1000, 1000];
+        let counts = [1, 15, 16, 17, 1000, 1000, 300, 300];
+        let profiles = [Profile::Biweight, Profile::Epanechnikov, Profile::Constant];
         let mut table = DepthTable::new();
         for i in 0..=1000 {
             let t = f64::from(i) * 0.01;
@@ -615,7 +631,8 @@ mod tests {
             let mut stream = Stream::new(11, Purpose::Test, case as u64, 0);
             let photons = photons(count, &mut stream);
             let radius = if case % 2 == 0 { variable } else { Radius::Fixed(0.4) };
-            let settings = MapSettings { tagged: true, ..MapSettings::new(radius) };
+            let profile = profiles[if case > 5 { 2 } else { case / 2 % 2 }];
+            let settings = MapSettings { tagged: true, profile, ..MapSettings::new(radius) };
             let walled = case != 4;
             let planes = if walled { room } else { no_walls };
             let mut map = PhotonMap::build(photons.clone(), &settings, &planes);
@@ -648,7 +665,7 @@ mod tests {
                     max_events: if number % 4 == 1 { 2 } else { 255 },
                 };
                 let depth = |t| if tabulated { smooth(t).0 } else { t };
-                let (total, single) = reference(&photons, &radii, &query, lobes, depth, planes);
+                let (total, single) = reference(&photons, (&radii, profile), &query, lobes, depth, planes);
                 found += usize::from(total[0] > 0.0);
                 for isa in Isa::available() {
                     map.isa = isa;
@@ -717,7 +734,7 @@ mod tests {
             };
             let mut stats = GatherStats::default();
             let got = map.gather(&query, &mut stats);
-            let expected = 40_000.0 * biweight(0.0) / (r * r) * (-0.2f64).exp() * 0.25 / PI;
+            let expected = 40_000.0 * Profile::Biweight.disc(0.0) / (r * r) * (-0.2f64).exp() * 0.25 / PI;
             check(got.total, [expected; 3], &radius);
             assert_eq!((got.single, stats.photons), ([0.0; 3], 40_000));
             // The segment ends at the photons, or starts there: both ends are open.
@@ -814,7 +831,7 @@ mod tests {
                 assert!((mean - expected).abs() < 3.0 * error, "{radius:?} {path}: {mean} {expected} {error}");
                 if start(0.0, near) == along(0.0, near) {
                     let lost = plain_sum / f64::from(rays) / expected;
-                    let share = disc_share(0.3);
+                    let share = Profile::Biweight.disc_share(0.3);
                     assert!((lost - share).abs() < 0.05, "{lost} of the light is left, {share} expected");
                 }
             }

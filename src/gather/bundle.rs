@@ -19,7 +19,7 @@ use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Rayl
 use super::sampled::{Sampled, SampledDepths, Samples, TransmittanceTable};
 use crate::math::{DVec3, Frame, Ray, Vec3};
 use crate::photon::discs::{LEAF, STACK};
-use crate::photon::kernel::inverse_disc_share_lanes;
+use crate::photon::kernel::{Profile, inverse_biweight_share};
 use crate::photon::map::PhotonMap;
 use crate::photon::simd::{LANES, Lanes, Row, Task, at_most, prefetch};
 use std::f64::consts::LOG2_E;
@@ -230,7 +230,7 @@ impl Default for BundleScratch {
 
 impl PhotonMap {
     /// What each ray of a bundle gathers, as [`PhotonMap::gather`] would, to about a thousandth. Rays too far
-    /// apart for that are gathered one by one.
+    /// apart for that, or under another kernel than the biweight, are gathered one by one.
     pub fn gather_bundle(
         &self,
         bundle: &Bundle<'_>,
@@ -251,7 +251,10 @@ impl PhotonMap {
             let most = (bundle.rays.len() - first).min(GROUP);
             // Ever fewer rays, as long as they fill a vector.
             let sizes = [most, most.min(GROUP / 2), most.min(LANES)];
-            let group = sizes.into_iter().find_map(|count| Group::new(self, bundle, first, count));
+            let group = match self.profile {
+                Profile::Biweight => sizes.into_iter().find_map(|count| Group::new(self, bundle, first, count)),
+                Profile::Constant | Profile::Epanechnikov => None,
+            };
             match group {
                 Some(group) => {
                     first += group.count;
@@ -1091,7 +1094,7 @@ fn evaluate_carefully<L: Lanes, P: Evaluate>(
                 let height = y.neg_mul_add(aside[1], x.neg_mul_add(aside[0], of(wall + 3)));
                 let sin2 = x.mul_add(x, y.mul(y)).max(L::splat(f32::MIN_POSITIVE));
                 let s = height.mul(inverse).mul(sin2.rsqrt());
-                weight = weight.mul(inverse_disc_share_lanes(s));
+                weight = weight.mul(inverse_biweight_share(s));
                 mask = L::and(mask, zero.less(height));
             }
             let weight = weight.keep(mask);
@@ -1186,6 +1189,7 @@ mod tests {
             PhaseLanes::new(Lobe::Schlick(0.6)),
             PhaseLanes::new(Lobe::Rayleigh),
             PhaseLanes::mixture(&[(0.7, Lobe::HenyeyGreenstein(0.8)), (0.3, Lobe::Schlick(-0.4))]),
+            PhaseLanes::mixture(&[(0.55, Lobe::HenyeyGreenstein(0.97)), (0.45, Lobe::Draine(-0.5, 17.0))]),
         ];
         let far = DVec3::new(3.0, 1.0, -4.0);
         let views = [

@@ -3,7 +3,9 @@
 mod beam;
 mod bundle;
 mod depth;
+pub mod march;
 mod phase;
+mod point;
 mod sampled;
 mod stream;
 mod volume;
@@ -12,6 +14,7 @@ pub use beam::{BeamQuery, GatherStats, Gathered};
 pub use bundle::{Bundle, BundleScratch};
 pub use depth::DepthTable;
 pub use phase::{Lobe, PhaseLanes};
+pub use point::{Marching, PointMaps, PointQuery};
 pub use sampled::{SampledDepths, Samples};
 pub use stream::StreamScratch;
 pub use volume::{Queue, Reach, VolumeMaps, emitted};

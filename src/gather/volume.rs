@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 
+use super::point::Marching;
 use super::{
     BeamQuery, Bundle, BundleScratch, DepthTable, GatherStats, Gathered, Lobe, PhaseLanes, SampledDepths, Samples,
     StreamScratch,
@@ -60,6 +61,8 @@ pub struct Queue<O> {
     /// The owners whose stretches are done, with what was gathered for them.
     pub done: Vec<(O, Gathered)>,
     table: DepthTable,
+    /// For rays that are marched instead.
+    pub marching: Marching,
     bundle: BundleScratch,
     stream: StreamScratch,
     /// What was counted.
@@ -74,6 +77,7 @@ impl<O> Default for Queue<O> {
             depths: SampledDepths::default(),
             done: Vec::new(),
             table: DepthTable::new(),
+            marching: Marching::default(),
             bundle: BundleScratch::default(),
             stream: StreamScratch::default(),
             stats: GatherStats::default(),
@@ -220,9 +224,15 @@ impl VolumeMaps {
     }
 }
 
-/// ∫ T σ_a L_e dt from `a` to `b`, as radiance at `a`: exact where L_e is the same everywhere, else one
-/// point a cell, drawn with the numbers `jitter` gives.
-pub fn emitted(medium: &Medium, ray: &Ray, (a, b): (f64, f64), mut jitter: impl FnMut() -> f64) -> Rgb {
+/// ∫ T σ_a L_e w dt from `a` to `b`, as radiance at `a`: exact where L_e is the same everywhere, for w = 1; else
+/// one point a cell, drawn with the numbers `jitter` gives, and weighted by `share`.
+pub fn emitted(
+    medium: &Medium,
+    ray: &Ray,
+    (a, b): (f64, f64),
+    mut jitter: impl FnMut() -> f64,
+    share: impl Fn(DVec3) -> f64,
+) -> Rgb {
     match &medium.emission {
         Emission::None => Rgb::ZERO,
         Emission::Uniform(_) => {
@@ -249,10 +259,10 @@ pub fn emitted(medium: &Medium, ray: &Ray, (a, b): (f64, f64), mut jitter: impl 
                     let t = cell.ta + (cell.tb - cell.ta) * jitter();
                     let p = ray.at(t);
                     // The depth up to t, as if the cell were even.
-                    let share = (t - cell.ta) / (cell.tb - cell.ta);
+                    let part = (t - cell.ta) / (cell.tb - cell.ta);
                     if temperature.at(p) > 0.0 {
-                        let here = medium.emitted(p) * (density.at(p) * (cell.tb - cell.ta));
-                        sum += here * medium.transmittance(depth + share * inside);
+                        let here = medium.emitted(p) * (density.at(p) * (cell.tb - cell.ta) * share(p));
+                        sum += here * medium.transmittance(depth + part * inside);
                     }
                 }
                 depth += inside;
@@ -264,7 +274,7 @@ pub fn emitted(medium: &Medium, ray: &Ray, (a, b): (f64, f64), mut jitter: impl 
 }
 
 /// Fills `table` with the depth from `a` on, in lengths from `a`.
-fn tabulate(medium: &Medium, ray: &Ray, a: f64, b: f64, table: &mut DepthTable) {
+pub(super) fn tabulate(medium: &Medium, ray: &Ray, a: f64, b: f64, table: &mut DepthTable) {
     table.clear();
     table.push(0.0, 0.0, medium.density.at(ray.at(a)));
     let largest = medium.extinction.max_element();
@@ -301,11 +311,12 @@ fn tabulate(medium: &Medium, ray: &Ray, a: f64, b: f64, table: &mut DepthTable) 
 }
 
 /// A phase function as beam queries want it.
-fn lanes(phase: &Phase) -> PhaseLanes {
+pub(super) fn lanes(phase: &Phase) -> PhaseLanes {
     let lobe = |phase: &Phase| match phase {
         Phase::HenyeyGreenstein(p) => Lobe::HenyeyGreenstein(p.g),
         Phase::Schlick(p) => Lobe::Schlick(p.k),
         Phase::Rayleigh(_) => Lobe::Rayleigh,
+        Phase::Draine(p) => Lobe::Draine(p.g, p.alpha),
         Phase::Isotropic(_) | Phase::Mixture(_) => Lobe::Isotropic,
     };
     match phase {

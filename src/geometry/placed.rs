@@ -173,6 +173,7 @@ impl Placed {
         visit: &mut impl FnMut(f64, u32, [f64; 2]) -> f64,
     ) {
         let ray = &self.local_ray(ray);
+        let range = (t_min, t_max);
         let mut inside = |t: f64, primitive: u32| {
             if t > t_min && t < t_max {
                 t_max = visit(t, primitive, [0.0; 2]);
@@ -181,7 +182,7 @@ impl Placed {
         match &self.shape {
             Shape::Sphere(s) => s.crossings(ray, &mut |t| inside(t, 0)),
             Shape::Cuboid(c) => c.crossings(ray, &mut inside),
-            Shape::Quad(q) => q.crossings(ray, &mut |t| inside(t, 0)),
+            Shape::Quad(q) => q.crossings(ray, range, &mut |t| inside(t, 0)),
             Shape::Disk(d) => d.crossings(ray, &mut |t| inside(t, 0)),
             Shape::Cylinder(c) => c.crossings(ray, &mut inside),
             Shape::Mesh(m) => m.crossings(ray, t_min, t_max, visit),
@@ -273,7 +274,8 @@ impl Placed {
             Shape::Mesh(m) => m.sample(u),
         };
         let normal = self.normal_to_world(self.local_normal(local, primitive));
-        (self.to_world.transform_point3(local), normal, self.pdf_area(normal))
+        let point = if self.identity { local } else { self.to_world.transform_point3(local) };
+        (point, normal, self.pdf_area(normal))
     }
 
     /// The density of [`Placed::sample_area`] where the outward unit normal is `normal`: uniform where

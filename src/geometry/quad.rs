@@ -46,15 +46,21 @@ impl Quad {
 
     /// The border belongs to the quad, widened by the rounding of the point, so that quads that share
     /// an edge leave no gap.
-    pub(super) fn crossings(&self, ray: &Ray, visit: &mut impl FnMut(f64)) {
+    #[inline]
+    pub(super) fn crossings(&self, ray: &Ray, (t_min, t_max): (f64, f64), visit: &mut impl FnMut(f64)) {
         let cosine = ray.direction.dot(self.normal);
-        if cosine == 0.0 {
-            return;
-        }
         let from = ray.origin - self.origin;
         let t = -from.dot(self.normal) / cosine;
+        // Most rays that come here meet the plane before or beyond; a parallel one nowhere.
+        if cosine == 0.0 || t <= t_min || t >= t_max {
+            return;
+        }
         let p = from + t * ray.direction;
         let (u, v) = (p.dot(self.dual_u), p.dot(self.dual_v));
+        if (0.0..=1.0).contains(&u) && (0.0..=1.0).contains(&v) {
+            visit(t);
+            return;
+        }
         let rounding = 32.0 * f64::EPSILON * (from.abs() + ray.origin.abs() + (t * ray.direction).abs());
         let (gap_u, gap_v) = (rounding.dot(self.dual_u.abs()), rounding.dot(self.dual_v.abs()));
         if u >= -gap_u && u <= 1.0 + gap_u && v >= -gap_v && v <= 1.0 + gap_v {

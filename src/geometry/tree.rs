@@ -19,6 +19,7 @@ pub(super) struct Tree {
     nodes: CwBvh,
     /// Around the padded boxes.
     bounds: Bounds,
+    diagonal: f64,
     center: DVec3,
     /// From lengths to lengths in the cube.
     scale: f64,
@@ -52,7 +53,8 @@ impl Tree {
             })
             .collect();
         let nodes = bvh2_to_cwbvh(&halved(&boxes), 3, true, false);
-        Tree { nodes, bounds: all.grown(2.0 * PADDING * half), center, scale }
+        let bounds = all.grown(2.0 * PADDING * half);
+        Tree { nodes, diagonal: bounds.diagonal(), bounds, center, scale }
     }
 
     /// The order in which boxes should lie in memory: `order()[i]` is the index of the box that a
@@ -66,12 +68,17 @@ impl Tree {
     /// [`Tree::order`] and returns the new `t_max`; negative infinity ends the traversal.
     #[inline]
     pub fn along(&self, ray: &Ray, t_min: f64, t_max: f64, mut visit: impl FnMut(u32) -> f64) {
-        let Some((start, end)) = self.bounds.clip(ray, t_min, t_max) else { return };
         if self.nodes.nodes.is_empty() {
             return;
         }
-        // ---- the ray in the cube
         let speed = ray.direction.length();
+        let (start, end) = if self.bounds.contains(ray.at(t_min)) {
+            (t_min, t_max.min(t_min + self.diagonal / speed))
+        } else {
+            let Some(range) = self.bounds.clip(ray, t_min, t_max) else { return };
+            range
+        };
+        // ---- the ray in the cube
         let direction = ray.direction / speed;
         let origin = (ray.at(start) - self.center) * self.scale - LEAD * direction;
         if !origin.is_finite() {

@@ -22,9 +22,53 @@ pub enum Purpose {
     Test = 6,
 }
 
-/// A stream of uniform random numbers.
+/// A number of a camera sample whose first draw is spread evenly over a pixel's samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Spread {
+    /// The place on the film: two numbers.
+    Film,
+    /// The distance of a collision.
+    Flight,
+    /// A direction drawn at an event: two numbers.
+    Direction,
+    /// A point on a light: two numbers.
+    Light,
+    /// The choice of a light.
+    LightChoice,
+    /// A light, a point on it and a distance for them: four numbers.
+    Equiangular,
+    /// A place on the lens: two numbers.
+    Lens,
+}
+
+impl Spread {
+    /// Its dimensions of Sobol's sequence, whose first are the most even: one bit each.
+    const fn dimensions(self) -> u16 {
+        match self {
+            Spread::Film => 0b11,
+            Spread::Flight => 0b1 << 2,
+            Spread::Direction => 0b11 << 3,
+            Spread::Light => 0b11 << 5,
+            Spread::Equiangular => 0b1111 << 7,
+            Spread::LightChoice => 0b1 << 11,
+            Spread::Lens => 0b11 << 12,
+        }
+    }
+}
+
+/// A stream of uniform random numbers. A camera sample's first draws of each kind that [`Spread`] names come from a
+/// point of a scrambled Sobol' sequence that its pixel's samples share; all others are independent.
 #[derive(Clone, Debug)]
-pub struct Stream(Pcg64Mcg);
+pub struct Stream {
+    random: Pcg64Mcg,
+    /// The point, before it is scrambled by the key.
+    point: [u32; DIMENSIONS],
+    key: u64,
+    /// The dimensions of the point that were not drawn yet.
+    left: u16,
+    /// Those that the next draws take.
+    open: u16,
+}
 
 /// SplitMix64's finaliser (Steele, Lea and Flood 2014): every input bit changes half of the output bits.
 fn mix(mut z: u64) -> u64 {
@@ -32,6 +76,75 @@ fn mix(mut z: u64) -> u64 {
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     z ^ (z >> 31)
+}
+
+/// Dimensions of the points: those of [`Spread`], and two to fill a register.
+const DIMENSIONS: usize = 16;
+
+/// Primitive polynomials, by degree and inner coefficients, and initial direction numbers of the dimensions from the
+/// second on (Joe and Kuo 2008, "Constructing Sobol' sequences with better two-dimensional projections").
+const SOBOL: [(u32, u32, [u32; 6]); DIMENSIONS - 1] = [
+    (1, 0, [1, 0, 0, 0, 0, 0]),
+    (2, 1, [1, 3, 0, 0, 0, 0]),
+    (3, 1, [1, 3, 1, 0, 0, 0]),
+    (3, 2, [1, 1, 1, 0, 0, 0]),
+    (4, 1, [1, 1, 3, 3, 0, 0]),
+    (4, 4, [1, 3, 5, 13, 0, 0]),
+    (5, 2, [1, 1, 5, 5, 17, 0]),
+    (5, 4, [1, 1, 5, 5, 5, 0]),
+    (5, 7, [1, 1, 7, 11, 19, 0]),
+    (5, 11, [1, 1, 5, 1, 1, 0]),
+    (5, 13, [1, 1, 1, 3, 11, 0]),
+    (5, 14, [1, 3, 5, 5, 31, 0]),
+    (6, 1, [1, 3, 3, 9, 7, 49]),
+    (6, 13, [1, 1, 1, 15, 21, 21]),
+    (6, 16, [1, 3, 1, 13, 27, 49]),
+];
+
+/// What each bit of a sample's number contributes to each dimension.
+static DIRECTIONS: [[u32; DIMENSIONS]; 32] = directions();
+
+const fn directions() -> [[u32; DIMENSIONS]; 32] {
+    let mut rows = [[0; DIMENSIONS]; 32];
+    let mut bit = 0;
+    while bit < 32 {
+        // The first dimension is van der Corput's.
+        rows[bit][0] = 1 << (31 - bit);
+        let mut dimension = 1;
+        while dimension < DIMENSIONS {
+            let (degree, inner, initial) = SOBOL[dimension - 1];
+            let degree = degree as usize;
+            rows[bit][dimension] = if bit < degree {
+                initial[bit] << (31 - bit)
+            } else {
+                let first = rows[bit - degree][dimension];
+                let mut sum = first ^ (first >> degree);
+                let mut k = 1;
+                while k < degree {
+                    if inner >> (degree - 1 - k) & 1 == 1 {
+                        sum ^= rows[bit - k][dimension];
+                    }
+                    k += 1;
+                }
+                sum
+            };
+            dimension += 1;
+        }
+        bit += 1;
+    }
+    rows
+}
+
+/// A nested uniform scramble (Owen 1995): every bit is flipped or not as `key` and the bits above it say. By
+/// hashing, with the constants that Burley (2020, "Practical hash-based Owen scrambling") reports of Vegdahl.
+fn scramble(x: u32, key: u32) -> u32 {
+    let mut x = x.reverse_bits();
+    x ^= x.wrapping_mul(0x3d20_adea);
+    x = x.wrapping_add(key);
+    x = x.wrapping_mul((key >> 16) | 1);
+    x ^= x.wrapping_mul(0x0552_6c56);
+    x ^= x.wrapping_mul(0x53a2_2864);
+    x.reverse_bits()
 }
 
 impl Stream {
@@ -43,12 +156,47 @@ impl Stream {
         let mut bytes = [0; 16];
         bytes[..8].copy_from_slice(&low.to_le_bytes());
         bytes[8..].copy_from_slice(&high.to_le_bytes());
-        Stream(Pcg64Mcg::from_seed(bytes))
+        Stream { random: Pcg64Mcg::from_seed(bytes), point: [0; DIMENSIONS], key: 0, left: 0, open: 0 }
+    }
+
+    /// The stream of sample `sample` of a pass through a pixel; `number` counts the samples of all passes. Whatever
+    /// their number, samples from 0 on are spread evenly, those of different passes and pixels independently.
+    pub fn of_sample(seed: u64, pixel: u64, number: u64, (pass, sample): (u32, u32)) -> Self {
+        let mut stream = Stream::new(seed, Purpose::Camera, pixel, number);
+        stream.key = mix(mix(mix(mix(seed) ^ Purpose::Pixel as u64) ^ pixel) ^ pass as u64);
+        let mut bits = sample;
+        while bits != 0 {
+            let row = &DIRECTIONS[bits.trailing_zeros() as usize];
+            stream.point.iter_mut().zip(row).for_each(|(x, direction)| *x ^= direction);
+            bits &= bits - 1;
+        }
+        stream.left = !0;
+        stream
+    }
+
+    /// Says what the next draws are for.
+    pub fn spread(&mut self, kind: Spread) {
+        self.open = kind.dimensions() & self.left;
+    }
+
+    fn bits(&mut self) -> u64 {
+        let random = self.random.next_u64();
+        if self.open == 0 {
+            return random;
+        }
+        // A dimension drawn twice would tie two numbers together.
+        let dimension = self.open.trailing_zeros();
+        self.open &= self.open - 1;
+        self.left &= !(1 << dimension);
+        let key = mix(self.key ^ dimension as u64);
+        // The hash alone is not quite uniform over its keys; the shift makes each number exactly so.
+        let x = scramble(self.point[dimension as usize], key as u32) ^ (key >> 32) as u32;
+        (x as u64) << 32 | random >> 32
     }
 
     /// Uniform in [0, 1), a multiple of 2⁻⁵³.
     pub fn uniform(&mut self) -> f64 {
-        (self.0.next_u64() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
+        (self.bits() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
     }
 
     /// Two uniform numbers.
@@ -58,7 +206,67 @@ impl Stream {
 
     /// Exponentially distributed with mean 1: finite, and never 0.
     pub fn exponential(&mut self) -> f64 {
-        let u = ((self.0.next_u64() >> 11) as f64 + 0.5) * (1.0 / (1u64 << 53) as f64);
+        let u = ((self.bits() >> 11) as f64 + 0.5) * (1.0 / (1u64 << 53) as f64);
         -u.ln()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Sample numbers below any power of two fall into different strata in every dimension, and into different
+    /// elementary intervals of the film's plane.
+    #[test]
+    fn first_draws_are_spread() {
+        const SAMPLES: u32 = 64;
+        const KINDS: [(Spread, usize); 7] = [
+            (Spread::Film, 2),
+            (Spread::Flight, 1),
+            (Spread::Direction, 2),
+            (Spread::Light, 2),
+            (Spread::LightChoice, 1),
+            (Spread::Equiangular, 4),
+            (Spread::Lens, 2),
+        ];
+        let draw = |sample| {
+            let mut stream = Stream::of_sample(3, 17, sample as u64, (0, sample));
+            let mut numbers = Vec::new();
+            for (kind, count) in KINDS {
+                stream.spread(kind);
+                numbers.extend((0..count).map(|_| stream.uniform()));
+            }
+            numbers
+        };
+        let points: Vec<Vec<f64>> = (0..SAMPLES).map(draw).collect();
+        for dimension in 0..points[0].len() {
+            let mut strata: Vec<u32> = points.iter().map(|p| (p[dimension] * SAMPLES as f64) as u32).collect();
+            strata.sort_unstable();
+            assert!(strata.into_iter().eq(0..SAMPLES), "dimension {dimension}");
+        }
+        for across in [2, 4, 8, 16, 32] {
+            let (columns, rows) = (across as f64, (SAMPLES / across) as f64);
+            let mut cells: Vec<u32> =
+                points.iter().map(|p| (p[0] * columns) as u32 + across * (p[1] * rows) as u32).collect();
+            cells.sort_unstable();
+            assert!(cells.into_iter().eq(0..SAMPLES), "{across} columns");
+        }
+    }
+
+    /// A kind's second draws are independent of the first.
+    #[test]
+    fn later_draws_are_independent() {
+        const PIXELS: u64 = 20_000;
+        let mut covariance = 0.0;
+        for pixel in 0..PIXELS {
+            let mut stream = Stream::of_sample(5, pixel, 6, (0, 6));
+            let mut draw = || {
+                stream.spread(Spread::Flight);
+                stream.uniform() - 0.5
+            };
+            covariance += draw() * draw() / PIXELS as f64;
+        }
+        // The product of two has a standard deviation of 1/12.
+        assert!(covariance.abs() < 4.0 / 12.0 / (PIXELS as f64).sqrt(), "{covariance}");
     }
 }

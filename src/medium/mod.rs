@@ -8,6 +8,7 @@
 pub mod black_body;
 pub mod density;
 pub mod phase;
+pub mod presets;
 
 use crate::math::{DVec3, Rgb};
 use black_body::BlackBody;
@@ -88,5 +89,6 @@ impl Medium {
 
 /// e^{−σ D} per channel; 1 in a channel without extinction, however deep.
 pub fn transmittance(extinction: Rgb, depth: f64) -> Rgb {
-    extinction.map(|sigma| if sigma == 0.0 { 1.0 } else { (-sigma * depth).exp() })
+    let passed = |sigma: f64| if sigma == 0.0 { 1.0 } else { (-sigma * depth).exp() };
+    if extinction == Rgb::splat(extinction.x) { Rgb::splat(passed(extinction.x)) } else { extinction.map(passed) }
 }

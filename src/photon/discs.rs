@@ -176,7 +176,7 @@ impl Input<'_> {
 
 /// Where a range of blocks is split: up to sixteen parts, none empty. The order of photons splits at
 /// the same places.
-fn parts(range: &Range<usize>) -> smallvec::SmallVec<[usize; LANES + 1]> {
+pub(super) fn parts(range: &Range<usize>) -> smallvec::SmallVec<[usize; LANES + 1]> {
     if range.len() <= LANES {
         return (range.start..=range.end).collect();
     }
@@ -200,7 +200,7 @@ fn parts(range: &Range<usize>) -> smallvec::SmallVec<[usize; LANES + 1]> {
 }
 
 /// How many nodes the tree over `blocks` blocks has.
-fn node_count(blocks: usize) -> usize {
+pub(super) fn node_count(blocks: usize) -> usize {
     if blocks <= LANES {
         return 1;
     }

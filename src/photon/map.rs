@@ -1,7 +1,7 @@
 //! The volume photon map: photons in blocks of sixteen, in the order of a median split.
 
 use super::discs::{self, Node, photons_in};
-use super::kernel::BIWEIGHT;
+use super::kernel::Profile;
 use super::radii;
 use super::simd::{Isa, LANES, Row};
 use crate::math::{Bounds, Vec3};
@@ -44,6 +44,8 @@ pub enum Radius {
 pub struct MapSettings {
     /// How wide photons are spread.
     pub radius: Radius,
+    /// The kernel.
+    pub profile: Profile,
     /// Multiplies every radius, the cap included: progressive passes shrink it.
     pub scale: f32,
     /// Whether photons remember their number of events.
@@ -53,9 +55,9 @@ pub struct MapSettings {
 }
 
 impl MapSettings {
-    /// Untagged, corrected at walls, radii as they are.
+    /// The biweight, untagged, corrected at walls, radii as they are.
     pub fn new(radius: Radius) -> Self {
-        MapSettings { radius, scale: 1.0, tagged: false, boundaries: true }
+        MapSettings { radius, profile: Profile::Biweight, scale: 1.0, tagged: false, boundaries: true }
     }
 }
 
@@ -96,7 +98,7 @@ pub(crate) struct Block {
     /// 1/r².
     pub inverse_square: Row,
     pub direction: [Row; 3],
-    /// 3/π · power/r².
+    /// K₂(0) · power/r².
     pub power: [Row; 3],
 }
 
@@ -160,6 +162,7 @@ pub struct PhotonMap {
     /// Whether walks test boxes rather than spheres.
     pub(crate) boxes: bool,
     pub(crate) isa: Isa,
+    pub(crate) profile: Profile,
     photons: usize,
     rejected: usize,
     radii: Radii,
@@ -180,15 +183,12 @@ impl PhotonMap {
     ///
     /// Photons that are not finite, and those beyond 2³² − 1, are left out and counted.
     pub fn build(
-        mut photons: Vec<Photon>,
+        photons: Vec<Photon>,
         settings: &MapSettings,
         planes: &(impl Fn(Vec3, f32, &mut SmallVec<[Plane; 3]>) + Sync),
     ) -> PhotonMap {
         let given = photons.len();
-        photons.truncate(u32::MAX as usize);
-        if !photons.par_iter().all(Photon::is_finite) {
-            photons.retain(Photon::is_finite);
-        }
+        let photons = storable(photons);
         let count = photons.len();
         let isa = Isa::best();
         let mut blocks = ordered(&photons, settings.tagged);
@@ -197,11 +197,12 @@ impl PhotonMap {
         drop(photons);
 
         let radii = radii_of(isa, &blocks, count, settings);
+        let peak = settings.profile.disc_peak() as f32;
         blocks.par_iter_mut().zip(radii.par_chunks(LANES)).enumerate().for_each(|(index, (block, radii))| {
             for (lane, &r) in radii[..photons_in(index, count)].iter().enumerate() {
                 block.inverse_square.0[lane] = 1.0 / (r * r);
                 for power in &mut block.power {
-                    power.0[lane] *= BIWEIGHT as f32 / (r * r);
+                    power.0[lane] *= peak / (r * r);
                 }
             }
         });
@@ -214,6 +215,7 @@ impl PhotonMap {
         PhotonMap {
             boxes: f64::from(summary.mean) < BOXES_BELOW * size,
             isa,
+            profile: settings.profile,
             photons: count,
             rejected: given - count,
             radii: summary,
@@ -245,7 +247,7 @@ impl PhotonMap {
             let photon = Photon {
                 position: of(&block.position),
                 direction: of(&block.direction),
-                power: of(&block.power) / (BIWEIGHT as f32 * inverse_square),
+                power: of(&block.power) / (self.profile.disc_peak() as f32 * inverse_square),
                 events: self.events.get(index / LANES).map_or(0, |events| events[lane]),
             };
             Disc { photon, radius: inverse_square.sqrt().recip() }
@@ -294,19 +296,43 @@ impl Photon {
 
 /// A photon's place and its index.
 #[derive(Clone, Copy)]
-struct Item {
-    position: [f32; 3],
-    photon: u32,
+pub(super) struct Item {
+    pub position: [f32; 3],
+    pub photon: u32,
+}
+
+/// The photons that a map can hold.
+pub(super) fn storable(mut photons: Vec<Photon>) -> Vec<Photon> {
+    photons.truncate(u32::MAX as usize);
+    if !photons.par_iter().all(Photon::is_finite) {
+        photons.retain(Photon::is_finite);
+    }
+    photons
+}
+
+/// Photons in median order.
+pub(super) fn sorted(photons: &[Photon]) -> Vec<Item> {
+    let item = |(i, photon): (usize, &Photon)| Item { position: photon.position.to_array(), photon: i as u32 };
+    let mut items: Vec<Item> = photons.par_iter().enumerate().map(item).collect();
+    split(&mut items);
+    items
+}
+
+/// The photons' events, by block; nothing if they need not be known.
+pub(super) fn events_of(items: &[Item], photons: &[Photon], tagged: bool) -> Vec<[u8; LANES]> {
+    let events = |items: &[Item]| {
+        let mut events = [u8::MAX; LANES];
+        for (event, item) in events.iter_mut().zip(items) {
+            *event = photons[item.photon as usize].events;
+        }
+        events
+    };
+    if tagged { items.par_chunks(LANES).map(events).collect() } else { Vec::new() }
 }
 
 /// Photons in blocks, in median order, with the powers they came with; and their events.
 fn ordered(photons: &[Photon], tagged: bool) -> (Vec<Block>, Vec<[u8; LANES]>) {
-    let mut items: Vec<Item> = photons
-        .par_iter()
-        .enumerate()
-        .map(|(i, photon)| Item { position: photon.position.to_array(), photon: i as u32 })
-        .collect();
-    split(&mut items);
+    let items = sorted(photons);
     let blocks = items
         .par_chunks(LANES)
         .map(|items| {
@@ -322,14 +348,7 @@ fn ordered(photons: &[Photon], tagged: bool) -> (Vec<Block>, Vec<[u8; LANES]>) {
             block
         })
         .collect();
-    let events = |items: &[Item]| {
-        let mut events = [u8::MAX; LANES];
-        for (event, item) in events.iter_mut().zip(items) {
-            *event = photons[item.photon as usize].events;
-        }
-        events
-    };
-    (blocks, if tagged { items.par_chunks(LANES).map(events).collect() } else { Vec::new() })
+    (blocks, events_of(&items, photons, tagged))
 }
 
 /// Puts items in the order of a median split along the longest edge, down to blocks. Splits fall
@@ -358,6 +377,20 @@ fn split(items: &mut [Item]) {
     }
 }
 
+/// The least and the largest of adaptive radii, for photons in a box.
+pub(super) fn radius_limits(max_radius: f32, scale: f32, min: Vec3, max: Vec3) -> (f32, f32) {
+    let diagonal = max.distance(min);
+    let largest_coordinate = max.abs().max(min.abs()).max_element();
+    let cap = match (max_radius.is_finite(), diagonal > 0.0) {
+        (true, _) => max_radius * scale,
+        (false, true) => diagonal * scale,
+        (false, false) => scale,
+    }
+    .max(MIN_RADIUS);
+    let least = MIN_RADIUS_ROUNDINGS * f32::EPSILON * largest_coordinate;
+    (least.max(MIN_RADIUS_SHARE * cap).clamp(MIN_RADIUS, cap), cap)
+}
+
 /// The radius of every disc, sixteen a block.
 fn radii_of(isa: Isa, blocks: &[Block], photons: usize, settings: &MapSettings) -> Vec<f32> {
     let scale = settings.scale;
@@ -366,16 +399,7 @@ fn radii_of(isa: Isa, blocks: &[Block], photons: usize, settings: &MapSettings) 
         Radius::Variable { neighbours, pilot, max_radius } => (neighbours.max(1), pilot.max(1), max_radius),
     };
     let (nodes, extent) = discs::build(blocks, photons, None);
-    let diagonal = extent.max.distance(extent.min);
-    let largest_coordinate = extent.max.abs().max(extent.min.abs()).max_element();
-    let cap = match (max_radius.is_finite(), diagonal > 0.0) {
-        (true, _) => max_radius * scale,
-        (false, true) => diagonal * scale,
-        (false, false) => scale,
-    }
-    .max(MIN_RADIUS);
-    let least =
-        (MIN_RADIUS_ROUNDINGS * f32::EPSILON * largest_coordinate).max(MIN_RADIUS_SHARE * cap).clamp(MIN_RADIUS, cap);
+    let (least, cap) = radius_limits(max_radius, scale, extent.min, extent.max);
     if photons <= 1 {
         return vec![cap; blocks.len() * LANES];
     }
@@ -387,7 +411,7 @@ fn radii_of(isa: Isa, blocks: &[Block], photons: usize, settings: &MapSettings) 
 }
 
 /// Extremes and mean, summed in a fixed order.
-fn summary(radii: &[f32]) -> Radii {
+pub(super) fn summary(radii: &[f32]) -> Radii {
     if radii.is_empty() {
         return Radii::default();
     }

@@ -4,6 +4,7 @@ pub(crate) mod discs;
 mod emission;
 pub mod kernel;
 pub(crate) mod map;
+mod points;
 mod radii;
 pub(crate) mod simd;
 mod trace;
@@ -11,4 +12,5 @@ pub mod walls;
 
 pub use emission::Sources;
 pub use map::{Disc, MapSettings, Photon, PhotonMap, Plane, Radii, Radius};
+pub use points::{Ball, PointMap, PointMemory, PointSettings};
 pub use trace::{Pass, Traced, trace};

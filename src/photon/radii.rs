@@ -13,7 +13,7 @@ use rayon::prelude::*;
 const CHUNK: usize = 64;
 
 /// Squared distances kept before the bound is drawn tighter.
-const KEPT: usize = 2048;
+pub(super) const KEPT: usize = 2048;
 
 /// The squared distance of every photon to its `m`-th nearest other, sixteen a block, coincident
 /// photons counting with distance 0. `nodes` bound the positions. At least `m + 1` photons.
@@ -45,15 +45,32 @@ struct Search<'a> {
 }
 
 /// A growing list of numbers in rows.
-struct List<'a> {
+pub(super) struct List<'a> {
     rows: &'a mut [Row],
     count: usize,
 }
 
-impl List<'_> {
+impl<'a> List<'a> {
+    /// An empty one, with room for one vector less than there are rows.
+    pub(super) fn new(rows: &'a mut [Row]) -> Self {
+        List { rows, count: 0 }
+    }
+
+    /// How many numbers it holds.
+    #[inline(always)]
+    pub(super) fn len(&self) -> usize {
+        self.count
+    }
+
+    /// Forgets them.
+    #[inline(always)]
+    pub(super) fn clear(&mut self) {
+        self.count = 0;
+    }
+
     /// Appends the lanes of `bits`.
     #[inline(always)]
-    fn push<L: Lanes>(&mut self, values: L, bits: u16) {
+    pub(super) fn push<L: Lanes>(&mut self, values: L, bits: u16) {
         let flat = self.rows.as_flattened_mut_f32();
         if let Some(out) = flat[self.count..].first_chunk_mut() {
             values.compress(bits, out);
@@ -64,7 +81,7 @@ impl List<'_> {
     /// The smallest number that `wanted` of the list's do not exceed. All lie in [0, `most`], and
     /// there are at least `wanted`.
     #[inline(always)]
-    fn select<L: Lanes>(&mut self, wanted: usize, most: f32) -> f32 {
+    pub(super) fn select<L: Lanes>(&mut self, wanted: usize, most: f32) -> f32 {
         let used = self.count.div_ceil(LANES);
         for value in &mut self.rows.as_flattened_mut_f32()[self.count..used * LANES] {
             *value = f32::INFINITY;
@@ -101,7 +118,7 @@ impl List<'_> {
     }
 
     /// Keeps `wanted` numbers, none above `bound`, which is the `wanted`-th smallest.
-    fn shrink(&mut self, wanted: usize, bound: f32) {
+    pub(super) fn shrink(&mut self, wanted: usize, bound: f32) {
         let flat = self.rows.as_flattened_mut_f32();
         let mut kept = 0;
         for i in 0..self.count {

@@ -10,7 +10,8 @@ use super::emission::Sources;
 use crate::math::random::Purpose;
 use crate::math::{Rgb, Stream};
 use crate::scene::Scene;
-use crate::transport::{self, Crossing, Segment, Side, Stop, Tally, Visitor, Walk, survive};
+use crate::scene::description::SingleScattering;
+use crate::transport::{self, Crossing, Reflection, Segment, Side, Stop, Tally, Visitor, Walk, survive};
 
 /// What a photon pass should do.
 #[derive(Clone, Copy, Debug)]
@@ -61,7 +62,7 @@ const CROWDED: f64 = 1.5;
 const SAFETY_STOP: u64 = 1_000_000_000;
 
 /// Traces photons. `advance` is told as emissions are done, of [`Pass`]'s number once it is known; `stop` ends
-/// the pass early, its result then worthless.
+/// the pass early: what it traced until then stands for all the light, except that it may have traced nothing.
 pub fn trace(
     scene: &Scene,
     pass: &Pass,
@@ -95,7 +96,18 @@ pub fn trace(
             }
         }
     }
-    if collided == 0.0 || stop() {
+    let single = scene.volume.single_scattering;
+    if single != SingleScattering::Photons {
+        // What is left to shadow rays may be nearly all.
+        for count in PILOTS {
+            if stored >= TELLING || count <= piloted || stop() {
+                continue;
+            }
+            piloted = count;
+            (collided, stored) = pilot(&tracer, count);
+        }
+    }
+    if collided == 0.0 || (stored == 0 && single != SingleScattering::Photons) || stop() {
         return Traced { emitted: piloted, forced: tracer.forced, ..empty() };
     }
     let share = stored as f64 / piloted as f64;
@@ -107,12 +119,13 @@ pub fn trace(
     }
 
     let chunks = tracer.run(pass, Purpose::Photon, emitted, progress, stop);
+    let emitted: u64 = chunks.iter().map(|chunk| chunk.emitted).sum();
     let mut traced = Traced { emitted, forced: tracer.forced, ..empty() };
     for region in 0..scene.regions as usize {
         let count = chunks.iter().map(|chunk| chunk.photons.iter().filter(|p| p.0 as usize == region).count()).sum();
         traced.regions[region].reserve_exact(count);
     }
-    let scale = 1.0 / emitted as f64;
+    let scale = 1.0 / emitted.max(1) as f64;
     for chunk in chunks {
         traced.tally = traced.tally.merge(chunk.tally);
         for (region, mut photon) in chunk.photons {
@@ -133,6 +146,7 @@ struct Tracer<'s> {
 
 #[derive(Default)]
 struct Chunk {
+    emitted: u64,
     photons: Vec<(u32, Photon)>,
     collided: u64,
     tally: Tally,
@@ -154,12 +168,14 @@ impl Tracer<'_> {
                 let range = index * CHUNK..((index + 1) * CHUNK).min(emitted);
                 let count = range.end - range.start;
                 for photon in range {
-                    if stop() {
-                        return chunk;
+                    // To ask may mean to look at a clock.
+                    if photon % 16 == 0 && stop() {
+                        return Chunk::default();
                     }
                     let mut stream = Stream::new(pass.seed, purpose, photon, pass.index);
                     self.emit(&mut stream, &mut chunk);
                 }
+                chunk.emitted = count;
                 chunk.photons.shrink_to_fit();
                 progress(count, emitted);
                 chunk
@@ -174,7 +190,8 @@ impl Tracer<'_> {
             return;
         }
         let mut flight = Flight { tracer: self, chunk, stream, collided: false };
-        flight.follow(Walk::start(self.scene, start.ray, start.inside), start.power, 0, self.forced);
+        let known = start.from_light && self.scene.volume.single_scattering != SingleScattering::Photons;
+        flight.follow(Walk::start(self.scene, start.ray, start.inside), start.power, 0, self.forced, known);
         if flight.collided {
             chunk.collided += 1;
         }
@@ -189,10 +206,18 @@ struct Flight<'f, 's> {
     collided: bool,
 }
 
+impl Tracer<'_> {
+    /// Whether shadow rays go straight on through refracting boundaries.
+    fn straight_on(&self) -> bool {
+        self.scene.volume.single_scattering == SingleScattering::Approximate
+    }
+}
+
 impl<'s> Flight<'_, 's> {
-    fn follow(&mut self, mut walk: Walk<'s>, mut weight: Rgb, mut events: u64, forced: bool) {
+    /// `known`: shadow rays will find its light, if it collides next.
+    fn follow(&mut self, mut walk: Walk<'s>, mut weight: Rgb, mut events: u64, forced: bool, mut known: bool) {
         loop {
-            let mut passage = Passage { flight: self, weight, events, forced, collision: None };
+            let mut passage = Passage { flight: self, weight, events, forced, known, collision: None };
             let stop = walk.advance(&mut passage);
             weight = passage.weight;
             let collision = passage.collision;
@@ -202,12 +227,16 @@ impl<'s> Flight<'_, 's> {
             match stop {
                 Stop::Ended => {
                     let Some((t, medium)) = collision else { return };
-                    if !self.collide(&mut walk, &mut weight, events, t, medium) {
+                    if !self.collide(&mut walk, &mut weight, events, (t, medium), known) {
                         return;
                     }
+                    known = false;
                 }
                 Stop::Surface(at) => {
                     let Some(direction) = at.scatter(Side::Light, &mut weight, self.stream) else { return };
+                    let refracted =
+                        matches!(at.reflection, Reflection::Dielectric(..)) && direction.dot(at.normal) < 0.0;
+                    known &= refracted && self.tracer.straight_on();
                     walk.leave(&at, direction);
                 }
                 Stop::Escaped => return,
@@ -230,14 +259,21 @@ impl<'s> Flight<'_, 's> {
         most == 0 || events < most
     }
 
-    /// Stores the photon and scatters it. Returns whether it goes on.
-    fn collide(&mut self, walk: &mut Walk<'s>, weight: &mut Rgb, events: u64, t: f64, medium: u32) -> bool {
+    /// Stores the photon, unless its light is `known` otherwise, and scatters it. Returns whether it goes on.
+    fn collide(
+        &mut self,
+        walk: &mut Walk<'s>,
+        weight: &mut Rgb,
+        events: u64,
+        (t, medium): (f64, u32),
+        known: bool,
+    ) -> bool {
         let scene = self.tracer.scene;
         let medium = &scene.media[medium as usize];
         self.collided = true;
         let power = *weight * medium.albedo;
         let keep = self.tracer.keep;
-        if power.max_element() > 0.0 && (keep >= 1.0 || self.stream.uniform() < keep) {
+        if !known && power.max_element() > 0.0 && (keep >= 1.0 || self.stream.uniform() < keep) {
             let photon = Photon {
                 position: walk.ray.at(t).as_vec3(),
                 direction: walk.ray.direction.as_vec3(),
@@ -261,6 +297,7 @@ struct Passage<'p, 'f, 's> {
     weight: Rgb,
     events: u64,
     forced: bool,
+    known: bool,
     collision: Option<(f64, u32)>,
 }
 
@@ -274,10 +311,10 @@ impl Visitor for Passage<'_, '_, '_> {
             self.weight *= forced.passed;
             if let Some((t, mut weight)) = forced.collision {
                 let mut walk = Walk::new(scene, *segment.ray, segment.inside.clone());
-                if self.flight.collide(&mut walk, &mut weight, self.events, t, segment.medium)
+                if self.flight.collide(&mut walk, &mut weight, self.events, (t, segment.medium), self.known)
                     && self.flight.may_store(self.events + 1)
                 {
-                    self.flight.follow(walk, weight, self.events + 1, false);
+                    self.flight.follow(walk, weight, self.events + 1, false, false);
                 }
             }
             return ControlFlow::Continue(());

@@ -44,3 +44,10 @@ pub fn near(scene: &Scene, position: Vec3, radius: f32, walls: &mut SmallVec<[Pl
         faces.retain(|near| !coincides(near));
     }
 }
+
+/// How far the nearest surface is from `position`, of any kind; `limit` if it is farther.
+pub fn clearance(scene: &Scene, position: Vec3, limit: f32) -> f32 {
+    let mut nearest = f64::from(limit);
+    scene.geometry.nearest_surfaces(position.as_dvec3(), nearest, |near| nearest = nearest.min(near.distance));
+    nearest as f32
+}

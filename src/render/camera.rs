@@ -1,3 +1,4 @@
+use crate::math::random::Spread;
 use crate::math::{DVec3, Ray, Stream, sampling};
 use crate::scene::description::{self, Filter};
 
@@ -39,15 +40,17 @@ impl Camera {
         }
     }
 
-    /// A ray through pixel (x, y), row 0 on top; `place` in [0, 1)² says where in the filter's support.
-    pub fn ray(&self, x: u32, y: u32, place: [f64; 2], stream: &mut Stream) -> Ray {
-        let [dx, dy] = place.map(|u| self.filter_offset(u));
+    /// A ray through pixel (x, y), row 0 on top.
+    pub fn ray(&self, x: u32, y: u32, stream: &mut Stream) -> Ray {
+        stream.spread(Spread::Film);
+        let [dx, dy] = stream.uniform2().map(|u| self.filter_offset(u));
         let ndc_x = (2.0 * (x as f64 + 0.5 + dx) - self.width) / self.height;
         let ndc_y = 1.0 - 2.0 * (y as f64 + 0.5 + dy) / self.height;
         let across = self.tangent * (ndc_x * self.right + ndc_y * self.up);
         if self.aperture == 0.0 {
             return Ray::new(self.position, (self.forward + across).normalize());
         }
+        stream.spread(Spread::Lens);
         let (u, v) = sampling::disc(stream.uniform2());
         let lens = self.aperture * (u * self.right + v * self.up);
         let focus = self.focus_distance * (self.forward + across);

@@ -97,20 +97,29 @@ impl Stretch {
         aside / ((end - start) * (aside * aside + (t - foot) * (t - foot)))
     }
 
-    fn draw_distance(&self, to: DVec3, u: f64) -> Option<f64> {
+    /// Draws `t` for a light at `to`; with the density.
+    fn draw_distance(&self, to: DVec3, u: f64) -> Option<(f64, f64)> {
         let (start, end, foot, aside) = self.angles(to);
-        let t = foot + aside * (start + u * (end - start)).tan();
-        (end > start && t.is_finite()).then(|| t.clamp(self.a, self.b))
+        let t = (foot + aside * (start + u * (end - start)).tan()).clamp(self.a, self.b);
+        let density = aside / ((end - start) * (aside * aside + (t - foot) * (t - foot)));
+        (end > start && t.is_finite()).then_some((t, density))
+    }
+
+    /// The chance with which [`draw`] chooses a light.
+    fn choice(&self, scene: &Scene, index: u32) -> f64 {
+        let importance = self.importance(&scene.lights[index as usize]);
+        if importance > 0.0 && scene.lights.len() > 1 {
+            importance / self.total_importance(scene)
+        } else if importance > 0.0 {
+            1.0
+        } else {
+            0.0
+        }
     }
 }
 
-/// Draws a light, a point on it, and a distance on the stretch for them.
-pub fn draw(scene: &Scene, stretch: &Stretch, stream: &mut Stream) -> Option<Draw> {
-    let total = stretch.total_importance(scene);
-    if total.is_nan() || total <= 0.0 {
-        return None;
-    }
-    let mut left = stream.uniform() * total;
+/// The light at `left` of the way through the lights' importances, and the probability of drawing it.
+fn choose<'s>(scene: &'s Scene, stretch: &Stretch, mut left: f64, total: f64) -> Option<(usize, &'s Light, f64)> {
     let mut chosen = None;
     for (index, light) in scene.lights.iter().enumerate() {
         let importance = stretch.importance(light);
@@ -122,11 +131,23 @@ pub fn draw(scene: &Scene, stretch: &Stretch, stream: &mut Stream) -> Option<Dra
         }
         left -= importance;
     }
-    let (index, light, choice) = chosen?;
+    chosen
+}
+
+/// Draws a light, a point on it, and a distance on the stretch for them.
+pub fn draw(scene: &Scene, stretch: &Stretch, stream: &mut Stream) -> Option<Draw> {
+    let total = stretch.total_importance(scene);
+    if total.is_nan() || total <= 0.0 {
+        return None;
+    }
+    let (index, light, choice) = match &scene.lights[..] {
+        [light] => (0, light, 1.0),
+        _ => choose(scene, stretch, stream.uniform() * total, total)?,
+    };
     match light {
         Light::Area(area) => {
             let sample = scene.geometry.sample_area(area.shape, stream.uniform2());
-            let t = stretch.draw_distance(sample.point, stream.uniform())?;
+            let (t, per_length) = stretch.draw_distance(sample.point, stream.uniform())?;
             let from = stretch.ray.at(t);
             let distance = sample.point.distance(from);
             let direction = (sample.point - from) / distance;
@@ -144,7 +165,7 @@ pub fn draw(scene: &Scene, stretch: &Stretch, stream: &mut Stream) -> Option<Dra
                 has_size: true,
                 normal: sample.normal,
             };
-            let density = choice * sample.pdf * stretch.distance_density(sample.point, t) * distance * distance / cos;
+            let density = choice * sample.pdf * per_length * distance * distance / cos;
             Some(Draw { t, light: index as u32, arrival, density })
         }
         _ => {
@@ -153,9 +174,9 @@ pub fn draw(scene: &Scene, stretch: &Stretch, stream: &mut Stream) -> Option<Dra
                 Light::Spot(spot) => spot.position,
                 _ => return None,
             };
-            let t = stretch.draw_distance(position, stream.uniform())?;
+            let (t, per_length) = stretch.draw_distance(position, stream.uniform())?;
             let arrival = light.arrive(&scene.geometry, stretch.ray.at(t), stream)?;
-            Some(Draw { t, light: index as u32, arrival, density: choice * stretch.distance_density(position, t) })
+            Some(Draw { t, light: index as u32, arrival, density: choice * per_length })
         }
     }
 }
@@ -168,11 +189,10 @@ fn met(shape: u32, distance: f64, normal: DVec3) -> Hit {
 /// The density with which [`draw`] draws `t` together with light `index` so that this `arrival` results.
 pub fn density(scene: &Scene, stretch: &Stretch, t: f64, index: u32, arrival: &Arrival) -> f64 {
     let light = &scene.lights[index as usize];
-    let importance = stretch.importance(light);
-    if importance <= 0.0 {
+    let choice = stretch.choice(scene, index);
+    if choice <= 0.0 {
         return 0.0;
     }
-    let choice = importance / stretch.total_importance(scene);
     let to = stretch.ray.at(t) + arrival.distance * arrival.direction;
     let per_length = choice * stretch.distance_density(to, t);
     match light {

@@ -1,15 +1,22 @@
 //! From a scene to pixels.
 
 mod camera;
+pub mod checkpoint;
+mod done;
 mod equiangular;
+mod exact;
 mod eye;
 mod film;
+mod limits;
 mod pass;
 mod plan;
 mod tile;
 
 pub use camera::Camera;
+pub use checkpoint::Checkpoint;
+pub use done::Done;
 pub use eye::{Claim, Component, Context, Eye, Mode, Sample};
 pub use film::{Film, Layers, Sums};
-pub use pass::{Progress, Rendering, Silent, Stats, render};
-pub use plan::Plan;
+pub use limits::Limits;
+pub use pass::{End, Progress, Rendering, Silent, Stats, narrowing, refine, render};
+pub use plan::{Plan, volume_photons};

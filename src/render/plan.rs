@@ -1,15 +1,19 @@
 //! What a scene needs, decided once, before anything is traced.
 
+use crate::gather::march::{Marcher, Stepping};
 use crate::math::random::Purpose;
 use crate::math::{DVec3, Rgb, Stream};
-use crate::photon::Radius;
-use crate::scene::description::{Kernel, Method};
+use crate::medium::Medium;
+use crate::photon::kernel::Profile;
+use crate::photon::{Ball, PointSettings, Radius};
+use crate::scene::description::{self, Estimate, Kernel, Method, SingleScattering, Step};
 use crate::scene::{Inside, Scene};
 use crate::transport::{Crossing, Segment, Side, Stop, Tally, Visitor, Walk, fly, survive};
 use crate::{Error, Result};
 use std::ops::ControlFlow;
 
 use super::camera::Camera;
+use super::limits::Limits;
 
 /// The decisions.
 #[derive(Clone, Debug)]
@@ -20,16 +24,32 @@ pub struct Plan {
     pub volume_photons: u64,
     /// How wide they are spread.
     pub radius: Radius,
+    /// The kernel of discs.
+    pub profile: Profile,
+    /// How rays are marched, if points are looked up and not beams.
+    pub points: Option<Points>,
     /// Whether photons must remember their events: for layers, or a limit of them.
     pub tagged: bool,
     /// Whether eye paths split in media: collisions are rare.
     pub split: bool,
-    /// Independent passes that the image is the mean of.
-    pub passes: u32,
-    /// Camera samples per pixel and pass.
+    /// Parts that each pass is split into: independent, with their share of photons and samples, and all of one
+    /// width.
+    pub parts: u32,
+    /// The dimension that passes narrow the spread of photons in: 2 for discs, 3 for spheres.
+    pub dimension: u32,
+    /// Camera samples per pixel and part.
     pub samples: u32,
     /// The solids around the camera, where they are the same for all of its lens.
     pub inside: Option<Inside>,
+}
+
+/// How points on rays are looked up.
+#[derive(Clone, Debug)]
+pub struct Points {
+    /// What a look-up does.
+    pub settings: PointSettings,
+    /// How rays are marched through each medium.
+    pub marchers: Vec<Marcher>,
 }
 
 /// Photons in the volume map, unless the scene file says otherwise. With [`NEIGHBOURS`], a compromise found
@@ -41,8 +61,10 @@ const VOLUME_PHOTONS: u64 = 2_000_000;
 const NEIGHBOURS: u32 = 60;
 /// The share of the largest extent of the photons that adaptive radii may reach at most.
 const MAX_RADIUS_SHARE: f64 = 0.1;
-/// Sub-passes for the standard error of a single pass.
-const SUB_PASSES: u32 = 8;
+/// Steps across the extent of the photons, unless the scene file says otherwise.
+const STEPS: f64 = 64.0;
+/// Steps are not shorter than this share of that, however dense a medium is.
+const SHORTEST_STEP: f64 = 1.0 / 16.0;
 /// Camera paths that tell how often paths collide.
 const PILOT: u64 = 2000;
 /// Where fewer paths than this share collide, they split.
@@ -52,30 +74,26 @@ impl Plan {
     /// Decides.
     ///
     /// # Errors
-    /// [`Error::Scene`] for a scene in which no walk can end.
-    pub fn new(scene: &Scene, camera: &Camera) -> Result<Plan> {
+    /// [`Error::Scene`] for a scene in which no walk can end; [`Error::Limit`] where memory is too short.
+    pub fn new(scene: &Scene, camera: &Camera, limits: &Limits) -> Result<Plan> {
         let render = &scene.render;
         refuse_eternity(scene, camera)?;
         let scatters = scene.media.iter().any(|medium| medium.scatters());
-        let gathers = render.method == Method::Photon
-            && scatters
-            && (!scene.lights.is_empty() || scene.media.iter().any(|m| m.glows()));
-        let passes = if scene.film.standard_error { SUB_PASSES } else { 1 };
-
-        let photons = scene.photons.volume.unwrap_or(VOLUME_PHOTONS);
+        let photons = volume_photons(scene);
+        let parts = limits.parts(scene, photons)?;
         let volume = &scene.volume;
         // The extent that photons can fill: of media with an end, else of the scene.
         let extent = extent_of_media(scene);
         let radius = match volume.kernel {
             Kernel::Fixed => {
                 // As wide as would hold n photons if they filled the extent evenly.
-                let chosen = extent * (NEIGHBOURS as f64 / photons as f64).cbrt() * 0.5;
+                let chosen = extent * (NEIGHBOURS as f64 / photons.max(1) as f64).cbrt() * 0.5;
                 Radius::Fixed(volume.radius.unwrap_or(chosen) as f32)
             }
             Kernel::Variable => {
                 let neighbours = volume.neighbours.unwrap_or(NEIGHBOURS);
                 // Sub-maps hold fewer photons; the same radius holds fewer neighbours.
-                let neighbours = (neighbours / passes).max(5);
+                let neighbours = (neighbours / parts).max(5);
                 let pilot = volume.pilot.unwrap_or_else(|| ((neighbours as f64).sqrt().ceil() as u32).max(5));
                 Radius::Variable {
                     neighbours,
@@ -87,12 +105,15 @@ impl Plan {
         let inside = (camera.aperture() == 0.0 || scene.solids.is_empty()).then(|| scene.inside(camera.position));
         let mut plan = Plan {
             method: render.method,
-            volume_photons: if gathers { (photons / passes as u64).max(1) } else { 0 },
+            volume_photons: if photons > 0 { (photons / parts as u64).max(1) } else { 0 },
             radius,
+            points: (volume.estimate == Estimate::Point).then(|| points(scene, radius, extent)),
             tagged: scene.film.layers || render.max_depth > 0,
             split: false,
-            passes,
-            samples: render.samples.div_ceil(passes),
+            parts,
+            profile: profile(volume.profile, Profile::Biweight),
+            dimension: if volume.estimate == Estimate::Point { 3 } else { 2 },
+            samples: render.samples.div_ceil(parts),
             inside,
         };
         if render.method == Method::Path && scatters {
@@ -100,6 +121,55 @@ impl Plan {
         }
         Ok(plan)
     }
+}
+
+fn profile(chosen: Option<description::Profile>, default: Profile) -> Profile {
+    match chosen {
+        None => default,
+        Some(description::Profile::Constant) => Profile::Constant,
+        Some(description::Profile::Epanechnikov) => Profile::Epanechnikov,
+        Some(description::Profile::Biweight) => Profile::Biweight,
+    }
+}
+
+/// How points are looked up: in balls as wide as the discs of beams would be.
+fn points(scene: &Scene, radius: Radius, extent: f64) -> Points {
+    let volume = &scene.volume;
+    let ball = match radius {
+        Radius::Fixed(radius) => Ball::Fixed(radius),
+        Radius::Variable { neighbours, max_radius, .. } => Ball::Nearest { neighbours: neighbours.max(2), max_radius },
+    };
+    let stepping = match volume.march.step {
+        Step::Uniform => Stepping::Uniform,
+        Step::Adaptive => Stepping::Adaptive { contrast: volume.march.contrast },
+        Step::Exponential => Stepping::Exponential,
+    };
+    // Short against the scene, and in dense media against half a mean free path.
+    let longest = extent / STEPS;
+    let size = |medium: &Medium| {
+        let path = 0.5 / (medium.extinction.max_element() * medium.density.max());
+        volume.march.size.unwrap_or(path.clamp(SHORTEST_STEP * longest, longest))
+    };
+    Points {
+        settings: PointSettings {
+            profile: profile(volume.profile, Profile::Constant),
+            tagged: scene.film.layers || scene.render.max_depth > 0,
+            ..PointSettings::new(ball)
+        },
+        marchers: scene.media.iter().map(|medium| Marcher { stepping, size: size(medium) }).collect(),
+    }
+}
+
+/// Volume photons wanted in each pass: none where nothing scatters, or nothing shines.
+pub fn volume_photons(scene: &Scene) -> u64 {
+    let shines = !scene.lights.is_empty() || scene.media.iter().any(|medium| medium.glows());
+    let scatters = scene.media.iter().any(|medium| medium.scatters());
+    // Light that shadow rays find needs no photons, if it is all there may be.
+    let traces_all = scene.render.max_depth == 1
+        && scene.volume.single_scattering != SingleScattering::Photons
+        && scene.glows.is_empty();
+    let gathers = scene.render.method == Method::Photon && scatters && shines && !traces_all;
+    if gathers { scene.photons.volume.unwrap_or(VOLUME_PHOTONS) } else { 0 }
 }
 
 /// The diagonal of the box around all media that scatter, as far as they end; else of the scene.
@@ -127,8 +197,7 @@ fn extent_of_media(scene: &Scene) -> f64 {
 fn pilot_ray(scene: &Scene, camera: &Camera, stream: &mut Stream) -> (crate::math::Ray, Inside) {
     let x = (stream.uniform() * scene.film.width as f64) as u32;
     let y = (stream.uniform() * scene.film.height as f64) as u32;
-    let place = stream.uniform2();
-    let ray = camera.ray(x, y, place, stream);
+    let ray = camera.ray(x, y, stream);
     (ray, scene.inside(ray.origin))
 }
 
@@ -196,7 +265,7 @@ fn collisions_are_rare(scene: &Scene, camera: &Camera, plan: &Plan) -> bool {
     const LONG_ENOUGH: u64 = 1000;
     let mut collided = 0;
     for index in 0..PILOT {
-        let mut stream = Stream::new(scene.render.seed, Purpose::Pilot, index, plan.passes as u64);
+        let mut stream = Stream::new(scene.render.seed, Purpose::Pilot, index, plan.parts as u64);
         let (ray, inside) = pilot_ray(scene, camera, &mut stream);
         if !matches!(wander(scene, ray, inside, LONG_ENOUGH, &mut stream), Wandered::Ended { collided: false }) {
             collided += 1;

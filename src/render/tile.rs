@@ -1,7 +1,6 @@
 //! Samples through the pixels of a tile.
 
 use std::ops::Range;
-use std::sync::atomic::Ordering;
 
 use rayon::prelude::*;
 
@@ -10,7 +9,6 @@ use super::film::Sums;
 use super::pass::{Progress, Renderer};
 use crate::gather::{GatherStats, Queue};
 use crate::math::Stream;
-use crate::math::random::Purpose;
 use crate::transport::Tally;
 
 /// Pixels along the edge of a tile, the work of one task.
@@ -21,9 +19,6 @@ const BUNDLE: u32 = 8;
 
 /// Samples a pixel takes before its neighbours' turn, at most.
 const ROUND: u32 = 16;
-
-/// The golden ratio's relatives for two dimensions (Roberts 2018): samples of a pixel spread evenly.
-const SPREAD: [f64; 2] = [0.754_877_666_246_692_7, 0.569_840_290_998_053_2];
 
 /// Sums of a tile's pixels, and what they cost.
 struct Tile {
@@ -55,6 +50,7 @@ impl<P: Progress> Renderer<'_, P> {
                 self.stats.tally = self.stats.tally.merge(tile.tally);
             }
             from = to;
+            self.end_round();
         }
     }
 
@@ -83,8 +79,8 @@ impl<P: Progress> Renderer<'_, P> {
                     done.sums[claim.pixel as usize].2.add_to(component, radiance);
                 }
             }
-            done.gathered = std::mem::take(&mut queue.stats);
         }
+        done.gathered = std::mem::take(&mut queue.stats);
         self.progress.advance(samples.len() as u64);
         done
     }
@@ -100,24 +96,17 @@ impl<P: Progress> Renderer<'_, P> {
     ) {
         let Renderer { scene, camera, plan, .. } = self;
         let pixel = y as u64 * scene.film.width as u64 + x as u64;
-        let offset = Stream::new(scene.render.seed, Purpose::Pixel, pixel, pass as u64).uniform2();
         let mut sum = Sums::default();
         for sample in samples {
             let number = pass as u64 * plan.samples as u64 + sample as u64;
-            let mut stream = Stream::new(scene.render.seed, Purpose::Camera, pixel, number);
-            let place = std::array::from_fn(|i| (offset[i] + SPREAD[i] * sample as f64).fract());
-            let ray = camera.ray(x, y, place, &mut stream);
+            let mut stream = Stream::of_sample(scene.render.seed, pixel, number, (pass, sample));
+            let ray = camera.ray(x, y, &mut stream);
             let inside = plan.inside.clone().unwrap_or_else(|| scene.inside(ray.origin));
             let index = done.sums.len() as u32;
             let mut context = Context { stream: &mut stream, queue, pixel: index, tally: &mut done.tally };
             sum.add(&eye.look(ray, inside, &mut context));
         }
         done.sums.push((x, y, sum));
-    }
-
-    /// Whether the render is to end.
-    pub(super) fn stopped(&self) -> bool {
-        self.stop.load(Ordering::Relaxed)
     }
 }
 

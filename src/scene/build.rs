@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::Glow;
 use super::description::{self as said, Description, LightKind, Located, MaterialKind, ShapeKind, Strength};
 use super::world::{Scene, Solid, Surface};
 use crate::geometry::{Cuboid, Cylinder, Disk, Geometry, Mesh, Placed, Quad, Shape, Sphere};
@@ -13,8 +14,8 @@ use crate::light::{self, Area, Cone, Directional, Environment, Light, Point, Pro
 use crate::math::{Bounds, DAffine3, DVec3, Rgb};
 use crate::medium::black_body::BlackBody;
 use crate::medium::density::bricks::{BrickGrid, Interpolation, NegativePolicy};
-use crate::medium::density::{Density, Exponential, Grid, npy, vdb};
-use crate::medium::phase::{HenyeyGreenstein, Isotropic, Mixture, Phase, Rayleigh, Schlick};
+use crate::medium::density::{Density, Exponential, Grid, Noise, npy, vdb};
+use crate::medium::phase::{HenyeyGreenstein, Isotropic, Mixture, Phase, Rayleigh, Schlick, mie};
 use crate::medium::{Emission, Medium};
 use crate::surface::{Dielectric, Lambert, Material, Mirror};
 use crate::{Error, Result};
@@ -53,6 +54,8 @@ struct Builder<'d> {
     center: DVec3,
     meshes: HashMap<(PathBuf, bool), Arc<Mesh>>,
     voxels: HashMap<(PathBuf, String), Arc<BrickGrid>>,
+    /// Where media of noise are, in the coordinates of the noise, by index in the description.
+    extents: HashMap<usize, Vec<Bounds>>,
     /// Base media in the file's coordinates, by index in the description.
     loaded: HashMap<usize, Medium>,
     /// Media by index in the description and the instance that carries them.
@@ -70,6 +73,7 @@ impl<'d> Builder<'d> {
             center: DVec3::ZERO,
             meshes: HashMap::new(),
             voxels: HashMap::new(),
+            extents: HashMap::new(),
             loaded: HashMap::new(),
             media: Vec::new(),
             carried: HashMap::new(),
@@ -114,6 +118,7 @@ impl<'d> Builder<'d> {
             bounds = bounds.union(placed.bounds());
         }
         self.center = bounds.center();
+        self.find_noise(&shapes)?;
 
         for (index, shape, transform, instance) in shapes {
             let said = &description.shapes[index];
@@ -148,6 +153,25 @@ impl<'d> Builder<'d> {
                 solid: is_solid.then_some((medium, index_of_refraction, said.priority)),
                 emission,
             });
+        }
+        Ok(())
+    }
+
+    /// Noise is sampled where there are shapes it fills. An instance carries the noise along: it is sampled where
+    /// the template stands.
+    fn find_noise(&mut self, shapes: &[(usize, Shape, DAffine3, Option<usize>)]) -> Result<()> {
+        for (index, shape, transform, instance) in shapes {
+            let said = &self.description.shapes[*index];
+            let Some(interior) = &said.interior else { continue };
+            if !matches!(self.description.media[interior.value].density, said::Density::Noise { .. }) {
+                continue;
+            }
+            let transform = match instance {
+                Some(_) => said.transform.inverse() * *transform,
+                None => *transform,
+            };
+            let placed = Placed::new(shape.clone(), transform).map_err(|error| said.place.error(error))?;
+            self.extents.entry(interior.value).or_default().push(placed.bounds());
         }
         Ok(())
     }
@@ -191,7 +215,7 @@ impl<'d> Builder<'d> {
             return Ok(medium);
         }
         if !self.loaded.contains_key(&index) {
-            let medium = self.load_medium(&self.description.media[index])?;
+            let medium = self.load_medium(index)?;
             self.loaded.insert(index, medium);
         }
         let mut medium = self.loaded[&index].clone();
@@ -218,7 +242,8 @@ impl<'d> Builder<'d> {
         Ok(id)
     }
 
-    fn load_medium(&mut self, said: &said::Medium) -> Result<Medium> {
+    fn load_medium(&mut self, index: usize) -> Result<Medium> {
+        let said = &self.description.media[index];
         let mut extinction = said.sigma_t();
         let density = match &said.density {
             said::Density::Constant { value } => {
@@ -231,6 +256,11 @@ impl<'d> Builder<'d> {
                 scale_height: *scale_height,
                 value: *value,
             }),
+            said::Density::Noise { scale, octaves, threshold, seed } => {
+                let noise = Noise { scale: *scale, octaves: *octaves, threshold: *threshold, seed: *seed };
+                let extents = self.extents.get(&index).map_or(&[][..], Vec::as_slice);
+                Density::Grid(noise.sample(extents).map_err(|error| said.place.error(error))?)
+            }
             said::Density::Array { file, min, max } => Density::Grid(self.array(file, *min, *max)?),
             said::Density::Vdb { file, grid, transform, interpolation, negative } => {
                 let interpolation = match interpolation {
@@ -489,6 +519,7 @@ impl<'d> Builder<'d> {
             regions: 1,
             media: self.media,
             lights: self.lights,
+            glows: Vec::new(),
             surroundings: Surroundings { center: DVec3::ZERO, radius: 0.0 },
             center: self.center,
             warnings: self.warnings,
@@ -496,6 +527,7 @@ impl<'d> Builder<'d> {
         join_regions(&mut scene);
         scene.surroundings = surroundings(&scene);
         darken_infinity(&mut scene);
+        scene.glows = Glow::all(&scene);
         Ok(scene)
     }
 }
@@ -521,12 +553,14 @@ fn material(kind: &MaterialKind) -> Material {
     }
 }
 
-fn phase(said: &said::Phase) -> Phase {
+/// A phase function as it is evaluated.
+pub(super) fn phase(said: &said::Phase) -> Phase {
     match said {
         said::Phase::Isotropic => Phase::Isotropic(Isotropic),
         said::Phase::HenyeyGreenstein { g } => Phase::HenyeyGreenstein(HenyeyGreenstein { g: *g }),
         said::Phase::Schlick { k } => Phase::Schlick(Schlick { k: *k }),
         said::Phase::Rayleigh => Phase::Rayleigh(Rayleigh),
+        said::Phase::Mie { diameter } => Phase::Mixture(mie(*diameter)),
         said::Phase::Mixture(lobes) => {
             Phase::Mixture(Mixture::new(lobes.iter().map(|(weight, lobe)| (*weight, phase(lobe))).collect()))
         }

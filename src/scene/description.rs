@@ -14,7 +14,7 @@ use crate::Error;
 use crate::math::{DAffine3, DVec3, Rgb};
 
 /// Where in a scene file, or in which `--set`, something was said.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, PartialEq)]
 pub struct Place {
     pub(crate) source: Source,
     pub(crate) key: Arc<str>,
@@ -70,9 +70,11 @@ impl fmt::Display for Source {
     }
 }
 
-impl fmt::Debug for Source {
+/// Nothing: descriptions that say the same look the same, wherever they say it
+/// ([`crate::render::checkpoint`] compares them so).
+impl fmt::Debug for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        fmt::Display::fmt(self, f)
+        f.write_str("_")
     }
 }
 
@@ -123,6 +125,40 @@ pub struct Description {
     pub volume: Volume,
     /// What is allowed but probably not meant, each message complete.
     pub warnings: Vec<String>,
+}
+
+impl Description {
+    /// All files that the scene file names.
+    pub fn files_mut(&mut self) -> Vec<&mut PathBuf> {
+        let mut files = Vec::new();
+        for medium in &mut self.media {
+            match &mut medium.density {
+                Density::Vdb { file, .. } | Density::Array { file, .. } => files.push(&mut file.value),
+                Density::Constant { .. } | Density::Exponential { .. } | Density::Noise { .. } => {}
+            }
+        }
+        for shape in &mut self.shapes {
+            match &mut shape.kind {
+                ShapeKind::Mesh { file, .. } => files.push(&mut file.value),
+                ShapeKind::Sphere { .. }
+                | ShapeKind::Box { .. }
+                | ShapeKind::Quad { .. }
+                | ShapeKind::Disk { .. }
+                | ShapeKind::Cylinder { .. }
+                | ShapeKind::Instance { .. } => {}
+            }
+        }
+        for light in &mut self.lights {
+            match &mut light.kind {
+                LightKind::Environment { source: EnvironmentSource::Image(file), .. } => files.push(&mut file.value),
+                LightKind::Environment { source: EnvironmentSource::Constant(_), .. }
+                | LightKind::Point { .. }
+                | LightKind::Spot { .. }
+                | LightKind::Directional { .. } => {}
+            }
+        }
+        files
+    }
 }
 
 /// `[film]`: the image.
@@ -203,6 +239,17 @@ pub enum Unit {
     Metre,
 }
 
+impl Unit {
+    /// How many metres it is.
+    pub fn metres(self) -> f64 {
+        match self {
+            Unit::Millimetre => 1e-3,
+            Unit::Centimetre => 1e-2,
+            Unit::Metre => 1.0,
+        }
+    }
+}
+
 /// `[media.*]`
 #[derive(Clone, Debug, PartialEq)]
 pub struct Medium {
@@ -253,6 +300,11 @@ pub enum Phase {
     },
     /// Rayleigh's, for particles far smaller than the wavelength.
     Rayleigh,
+    /// That of water droplets.
+    Mie {
+        /// Their diameter in micrometres, in (0, 50].
+        diameter: f64,
+    },
     /// A weighted sum of phase functions that are no mixtures themselves; weights at least 0, sum 1.
     Mixture(Vec<(f64, Phase)>),
 }
@@ -297,6 +349,17 @@ pub enum Density {
         scale_height: f64,
         /// The density at height 0 and below, at least 0.
         value: f64,
+    },
+    /// Fractal noise, defined in all space; only what solids are filled with can have it.
+    Noise {
+        /// The size of the coarsest features, above 0.
+        scale: f64,
+        /// The number of octaves, each half as large and half as strong as the one before; at least 1.
+        octaves: u32,
+        /// Noise below this is empty space; in [0, 1).
+        threshold: f64,
+        /// Another seed, another noise.
+        seed: u32,
     },
 }
 
@@ -572,8 +635,10 @@ pub enum EnvironmentSource {
 pub struct Render {
     /// How the image is computed.
     pub method: Method,
-    /// Camera samples per pixel, at least 1.
+    /// Camera samples per pixel and pass, at least 1.
     pub samples: u32,
+    /// Passes, each with fresh photons in narrower discs, at least 1.
+    pub passes: u32,
     /// What all random numbers derive from.
     pub seed: u64,
     /// The number of events between light and eye; 0: unlimited.
@@ -598,11 +663,15 @@ pub struct Photons {
     pub max_emitted: u64,
 }
 
-/// `[volume]`: how media are gathered, by beam queries with the biweight profile.
+/// `[volume]`: how media are gathered.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Volume {
+    /// What is gathered along a ray.
+    pub estimate: Estimate,
     /// How wide photons are.
     pub kernel: Kernel,
+    /// How photons count from their middle to their rim; `None`: chosen by the estimate.
+    pub profile: Option<Profile>,
     /// The radius of [`Kernel::Fixed`], above 0; `None`: chosen from the scene.
     pub radius: Option<f64>,
     /// The number n of photons an adaptive radius should cover, at least 1; `None`: chosen from the scene.
@@ -611,6 +680,63 @@ pub struct Volume {
     pub pilot: Option<u32>,
     /// The cap of adaptive radii, above 0; `None`: chosen from the scene.
     pub max_radius: Option<f64>,
+    /// How rays are stepped through, where they are.
+    pub march: March,
+    /// Where light comes from that is scattered once.
+    pub single_scattering: SingleScattering,
+}
+
+/// What is gathered along a ray.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Estimate {
+    /// All photons around the ray at once.
+    Beam,
+    /// The photons around points on the ray.
+    Point,
+}
+
+/// How photons count from their middle to their rim.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Profile {
+    /// The same everywhere.
+    Constant,
+    /// 1 − x².
+    Epanechnikov,
+    /// (1 − x²)².
+    Biweight,
+}
+
+/// `[volume] march`
+#[derive(Clone, Debug, PartialEq)]
+pub struct March {
+    /// How long steps are.
+    pub step: Step,
+    /// The length of the smallest step, above 0; `None`: chosen from the scene.
+    pub size: Option<f64>,
+    /// What the ends of an adaptive step may differ by, above 0, as a share.
+    pub contrast: f64,
+}
+
+/// How long the steps of a march are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// All alike.
+    Uniform,
+    /// Short where density or light change.
+    Adaptive,
+    /// The longer the less light arrives from there.
+    Exponential,
+}
+
+/// Where light comes from that a medium scatters straight from a light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SingleScattering {
+    /// From photons, like all other.
+    Photons,
+    /// By rays to the lights, through index-matched boundaries.
+    Traced,
+    /// The same, straight through refracting boundaries too.
+    Approximate,
 }
 
 /// How wide photons are.

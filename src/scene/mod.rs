@@ -5,6 +5,7 @@
 
 mod build;
 pub mod description;
+mod glow;
 mod overrides;
 mod read;
 mod table;
@@ -13,5 +14,6 @@ mod world;
 
 pub use build::build;
 pub use description::{Description, Located, Place};
+pub use glow::Glow;
 pub use read::{parse, read};
 pub use world::{Inside, Scene, Solid, Surface};

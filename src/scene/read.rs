@@ -13,7 +13,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::description::{
-    Camera, Description, Document, Film, Filter, Kernel, Method, Photons, Render, ToneMap, Unit, Volume, World,
+    Camera, Density, Description, Document, Estimate, Film, Filter, Kernel, March, Method, Photons, Profile, Render,
+    SingleScattering, Step, ToneMap, Unit, Volume, World,
 };
 use super::table::{Item, Problems, Read, Table, unit};
 use super::{overrides, tree};
@@ -102,8 +103,21 @@ fn describe(root: &Table, path: &Path) -> Read<Description> {
         media: media_items.iter().map(|(name, _)| *name).collect(),
         materials: material_items.iter().map(|(name, _)| *name).collect(),
     };
-    let world = world_table.and_then(|table| world(&table, &names));
-    let media = all(&media_items, |(name, item)| media::medium(name, item, &names));
+    let world_table = world_table?;
+    let world = world(&world_table, &names);
+    let unit = world.as_ref().map_or(Unit::Metre, |world| world.unit);
+    let media = all(&media_items, |(name, item)| media::medium(name, item, &names, unit));
+    if let (Ok(World { medium: Some(medium), .. }), Ok(media)) = (&world, &media)
+        && matches!(media[medium.value].density, Density::Noise { .. })
+    {
+        return Err(world_table.fail_at(
+            "medium",
+            format!(
+                "{:?} has a density of noise, which has no end; expected it as the `interior` of shapes",
+                media[medium.value].name
+            ),
+        ));
+    }
     let materials = all(&material_items, |(name, item)| materials::material(name, item));
     let shapes = shapes::shapes(&shape_items?.unwrap_or_default(), &names);
     let lights = lights::lights(&light_items?.unwrap_or_default(), &names);
@@ -252,15 +266,11 @@ fn render(table: &Table) -> Read<Render> {
         item.choice(&[("photon", Method::Photon), ("path", Method::Path)], &[])
     });
     let samples = table.get_or("samples", 16, |item| item.u32(1));
-    let passes = table.get("passes", |item| match item.u32(1)? {
-        1 => Ok(()),
-        _ => Err(item.unsupported("more than one pass is")),
-    });
+    let passes = table.get_or("passes", 1, |item| item.u32(1));
     let seed = table.get_or("seed", 1, |item| item.u64(0));
     let max_depth = table.get_or("max_depth", 0, |item| item.u32(0));
     table.finish()?;
-    passes?;
-    Ok(Render { method: method?, samples: samples?, seed: seed?, max_depth: max_depth? })
+    Ok(Render { method: method?, samples: samples?, passes: passes?, seed: seed?, max_depth: max_depth? })
 }
 
 fn photons(table: &Table) -> Read<Photons> {
@@ -279,30 +289,51 @@ fn photons(table: &Table) -> Read<Photons> {
 }
 
 fn volume(table: &Table) -> Read<Volume> {
-    let estimate = table.get("estimate", |item| item.choice(&[("beam", ())], &["point"]));
+    let estimates = [("beam", Estimate::Beam), ("point", Estimate::Point)];
+    let estimate = table.get_or("estimate", Estimate::Beam, |item| item.choice(&estimates, &[]));
     let kernel = table.get_or("kernel", Kernel::Variable, |item| {
         item.choice(&[("fixed", Kernel::Fixed), ("variable", Kernel::Variable), ("knn", Kernel::Variable)], &[])
     });
-    let profile = table.get("profile", |item| item.choice(&[("biweight", ())], &["epanechnikov", "constant"]));
+    let profiles =
+        [("biweight", Profile::Biweight), ("epanechnikov", Profile::Epanechnikov), ("constant", Profile::Constant)];
+    let profile = table.get("profile", |item| item.choice(&profiles, &[]));
     let radius = table.get("radius", Item::length);
     let neighbours = table.get("neighbours", |item| item.u32(1));
     let pilot = table.get("pilot", |item| item.u32(5));
     let max_radius = table.get("max_radius", Item::length);
-    let single = table.get("single_scattering", |item| item.choice(&[("photons", ())], &["traced", "approximate"]));
+    let ways = [
+        ("photons", SingleScattering::Photons),
+        ("traced", SingleScattering::Traced),
+        ("approximate", SingleScattering::Approximate),
+    ];
+    let single_scattering =
+        table.get_or("single_scattering", SingleScattering::Photons, |item| item.choice(&ways, &[]));
     let march = table.get("march", |item| march(&item.table()?));
     table.finish()?;
-    estimate.and(profile).and(single).and(march)?;
-    Ok(Volume { kernel: kernel?, radius: radius?, neighbours: neighbours?, pilot: pilot?, max_radius: max_radius? })
+    Ok(Volume {
+        estimate: estimate?,
+        kernel: kernel?,
+        profile: profile?,
+        radius: radius?,
+        neighbours: neighbours?,
+        pilot: pilot?,
+        max_radius: max_radius?,
+        march: march?.unwrap_or(March { step: Step::Exponential, size: None, contrast: CONTRAST }),
+        single_scattering: single_scattering?,
+    })
 }
 
-/// Only point queries and traced single scattering march.
-fn march(table: &Table) -> Read<()> {
-    let step = table.get("step", |item| item.choice(&[("uniform", ()), ("adaptive", ()), ("exponential", ())], &[]));
+/// What the ends of an adaptive step may differ by, unless the scene file says otherwise: well above the noise of some
+/// tens of photons.
+const CONTRAST: f64 = 0.5;
+
+fn march(table: &Table) -> Read<March> {
+    let kinds = [("uniform", Step::Uniform), ("adaptive", Step::Adaptive), ("exponential", Step::Exponential)];
+    let step = table.get_or("step", Step::Exponential, |item| item.choice(&kinds, &[]));
     let size = table.get("size", Item::length);
-    let contrast = table.get("contrast", Item::positive);
+    let contrast = table.get_or("contrast", CONTRAST, Item::positive);
     table.finish()?;
-    step.and(size.and(contrast))?;
-    Err(table.fail("marching is not supported yet"))
+    Ok(March { step: step?, size: size?, contrast: contrast? })
 }
 
 /// Surface maps are still to come; what merely says so is accepted.

@@ -208,6 +208,11 @@ impl<'a> Item<'a> {
         self.number_where(&format!("a number of at least {low} and below {high}"), |x| low <= x && x < high)
     }
 
+    /// A number above `low`, at most `high`.
+    pub(super) fn above_up_to(&self, low: f64, high: f64) -> Read<f64> {
+        self.number_where(&format!("a number above {low} and at most {high}"), |x| low < x && x <= high)
+    }
+
     /// A number from `low` to `high`, both allowed.
     pub(super) fn within(&self, low: f64, high: f64) -> Read<f64> {
         self.number_where(&format!("a number from {low} to {high}"), |x| low <= x && x <= high)

@@ -2,6 +2,7 @@
 
 use smallvec::SmallVec;
 
+use super::Glow;
 use super::description::{Camera, Film, Photons, Render, Volume};
 use crate::geometry::{Cluster, Geometry};
 use crate::light::{Light, Surroundings};
@@ -38,6 +39,8 @@ pub struct Scene {
     pub media: Vec<Medium>,
     /// All lights.
     pub lights: Vec<Light>,
+    /// The glowing media that have an end, as lights.
+    pub glows: Vec<Glow>,
     /// What light from infinity can reach.
     pub surroundings: Surroundings,
     /// The scene's middle in the file's coordinates, which is the origin here.
@@ -71,9 +74,17 @@ pub struct Solid {
 }
 
 /// The solids that contain a point, those with precedence first.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Debug, Default, PartialEq)]
 pub struct Inside {
     solids: SmallVec<[u32; 6]>,
+}
+
+impl Clone for Inside {
+    /// In one piece: the derived one goes number by number, at every surface of every path.
+    #[inline]
+    fn clone(&self) -> Self {
+        Inside { solids: SmallVec::from_slice(&self.solids) }
+    }
 }
 
 impl Inside {
@@ -145,6 +156,9 @@ impl Scene {
     /// Of several crossings of one solid at one place, as on an edge, the sum counts.
     pub fn cross(&self, inside: &Inside, cluster: &Cluster, direction: DVec3) -> Inside {
         let mut after = inside.clone();
+        if self.solids.is_empty() {
+            return after;
+        }
         let mut crossings: SmallVec<[(u32, i32); 6]> = SmallVec::new();
         for hit in cluster.hits() {
             if let Some(solid) = self.surfaces[hit.id as usize].solid {

@@ -8,7 +8,8 @@ use crate::medium::Medium;
 use crate::medium::density::Density;
 
 /// What is counted on the way and reported in the end.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, serde::Serialize, serde::Deserialize)]
+#[serde(default)]
 pub struct Tally {
     /// Look-ups that found more than the majorant promised.
     pub violations: u64,
@@ -47,16 +48,21 @@ pub fn fly(
     let sigma = medium.extinction;
     let Density::Grid(grid) = &medium.density else {
         let w = shares(*weight);
-        let u = stream.uniform();
-        let channel = if u < w.x {
+        let length = stream.exponential();
+        let channel = if sigma == Rgb::splat(sigma.x) {
             sigma.x
-        } else if u < w.x + w.y {
-            sigma.y
         } else {
-            sigma.z
+            let u = stream.uniform();
+            if u < w.x {
+                sigma.x
+            } else if u < w.x + w.y {
+                sigma.y
+            } else {
+                sigma.z
+            }
         };
         // A channel without extinction never collides.
-        let target = if channel > 0.0 { stream.exponential() / channel } else { f64::INFINITY };
+        let target = if channel > 0.0 { length / channel } else { f64::INFINITY };
         let collision = if target.is_finite() { medium.density.advance(ray, a, b, target) } else { None };
         let depth = if collision.is_some() { target } else { medium.density.depth(ray, a, b) };
         let passed = medium.transmittance(depth);
@@ -220,7 +226,7 @@ pub fn force(medium: &Medium, ray: &Ray, (a, b): (f64, f64), weight: Rgb, stream
     if chance.is_nan() || chance <= 0.0 {
         return nothing;
     }
-    let [u, v] = stream.uniform2();
+    let [v, u] = stream.uniform2();
     let u = u * chance;
     let channel = if u < part.x {
         0

@@ -5,10 +5,12 @@ use std::ops::ControlFlow;
 use smallvec::SmallVec;
 
 use super::flight::pass;
-use super::walk::{Crossing, Segment, Stop, Visitor, Walk};
+use super::walk::{Crossing, Reflection, Segment, Stop, Visitor, Walk};
 use crate::light::Light;
 use crate::math::{DVec3, Ray, Rgb, Stream};
+use crate::medium::transmittance;
 use crate::scene::{Inside, Scene};
+use crate::surface::fresnel;
 
 /// Remembers the stretches of media on the way, to be paid for once the way is known to be free.
 #[derive(Default)]
@@ -51,6 +53,65 @@ pub fn transmit(scene: &Scene, ray: Ray, inside: &Inside, distance: f64, weight:
         if weight.max_element() <= 0.0 {
             return;
         }
+    }
+}
+
+/// As [`transmit`], and straight on through up to `most` refracting boundaries (Jensen 2001, §10.8.2), each of which
+/// lets 1 − F of the light pass. Before one beyond which the index is lower, refracted light would have gone another
+/// way through the medium: its length takes the place of the straight one (Eq. 10.31).
+pub fn transmit_straight(
+    scene: &Scene,
+    ray: Ray,
+    inside: &Inside,
+    distance: f64,
+    most: u64,
+    weight: &mut Rgb,
+    stream: &mut Stream,
+) {
+    let mut rest = distance * (1.0 - 1e-9);
+    let (mut ray, mut inside) = (ray, inside.clone());
+    let mut left = most;
+    loop {
+        let mut way = Way::default();
+        let stop = Walk::new(scene, ray, inside).until(rest).advance(&mut way);
+        let at = match stop {
+            Stop::Surface(at) => Some(at),
+            _ => None,
+        };
+        let mut longer = Rgb::ONE;
+        if let Some(at) = &at {
+            let Reflection::Dielectric(here, beyond) = at.reflection else {
+                *weight = Rgb::ZERO;
+                return;
+            };
+            if left == 0 {
+                *weight = Rgb::ZERO;
+                return;
+            }
+            left -= 1;
+            let cos = at.normal.dot(ray.direction).abs();
+            for channel in 0..3 {
+                let (here, beyond) = (here[channel], beyond[channel]);
+                weight[channel] *= 1.0 - fresnel(cos, beyond, here);
+                if here > beyond {
+                    longer[channel] = cos / (1.0 - (beyond / here).powi(2) * (1.0 - cos * cos)).sqrt();
+                }
+            }
+        }
+        for (medium, a, b) in way.segments {
+            let medium = &scene.media[medium as usize];
+            if longer == Rgb::ONE {
+                pass(medium, &ray, (a, b), weight, stream);
+            } else {
+                *weight *= transmittance(medium.extinction * longer, medium.density.depth(&ray, a, b));
+            }
+            if weight.max_element() <= 0.0 {
+                return;
+            }
+        }
+        let Some(at) = at else { return };
+        rest -= at.t;
+        (ray, inside) = at.departure(ray.direction);
     }
 }
 

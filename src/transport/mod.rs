@@ -2,11 +2,13 @@
 //! flights and transmittance, events at surfaces, and light that arrives straight from a light.
 
 mod flight;
+mod glow;
 mod light;
 mod roulette;
 mod walk;
 
 pub use flight::{Forced, Tally, flight_density, fly, force, pass};
-pub use light::{light_density, transmit};
+pub use glow::{Ember, Glows, Rival};
+pub use light::{light_density, transmit, transmit_straight};
 pub use roulette::{shares, survive};
 pub use walk::{Crossing, Interaction, Reflection, Segment, Side, Stop, Visitor, Walk};

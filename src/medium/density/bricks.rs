@@ -13,6 +13,7 @@ use super::vdb;
 use crate::error::{Error, Result};
 use crate::math::{Bounds, DVec3, Vec3};
 use glam::Vec4;
+use rayon::prelude::*;
 use std::collections::HashMap;
 use std::ops::ControlFlow;
 
@@ -220,6 +221,29 @@ impl BrickGrid {
                         builder.add_leaf(lowest, &active, &brick);
                     }
                 }
+            }
+        }
+        builder.finish().map_err(Error::Limit)
+    }
+
+    /// The voxels of these bricks, none of which is named twice, from a function of the voxel; 0 beyond.
+    ///
+    /// # Errors
+    /// As [`BrickGrid::from_dense`] for values out of range.
+    pub fn from_function(bricks: &[[i32; 3]], value: impl Fn([i32; 3]) -> f32 + Sync) -> Result<BrickGrid> {
+        // Values of so many bricks wait to be indexed.
+        const AT_ONCE: usize = 1 << 12;
+        let mut builder = Builder::new(0.0, NegativePolicy::Error);
+        for batch in bricks.chunks(AT_ONCE) {
+            let fill = |brick: &[i32; 3]| -> [f32; 512] {
+                std::array::from_fn(|n| {
+                    let local = [n >> 6, n >> 3 & 7, n & 7];
+                    value(std::array::from_fn(|axis| 8 * brick[axis] + local[axis] as i32))
+                })
+            };
+            let filled: Vec<[f32; 512]> = batch.par_iter().map(fill).collect();
+            for (brick, values) in batch.iter().zip(&filled) {
+                builder.add_leaf(brick.map(|x| 8 * x), &[u64::MAX; 8], values);
             }
         }
         builder.finish().map_err(Error::Limit)

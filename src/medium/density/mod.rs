@@ -3,16 +3,18 @@
 pub mod bricks;
 mod exponential;
 mod grid;
+mod noise;
 pub mod npy;
 pub mod vdb;
 
 pub use exponential::Exponential;
 pub use grid::Grid;
+pub use noise::Noise;
 
 use crate::math::{Bounds, DVec3, Ray};
 
 /// A density, one of the kinds a scene file can name. A constant value is folded into the medium's
-/// coefficients.
+/// coefficients; arrays and noise are voxels too.
 #[derive(Clone, Debug)]
 pub enum Density {
     /// 1 everywhere.

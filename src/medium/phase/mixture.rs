@@ -8,13 +8,22 @@ pub struct Mixture {
 }
 
 impl Mixture {
-    /// From weights that sum to one, up to rounding, and their phase functions.
+    /// From weights that sum to one, up to rounding, and their phase functions. Mixtures among them are taken apart.
     pub fn new(lobes: Vec<(f64, Phase)>) -> Self {
         let total: f64 = lobes.iter().map(|lobe| lobe.0).sum();
-        Mixture { lobes: lobes.into_iter().map(|(weight, phase)| (weight / total, phase)).collect() }
+        let mut flat = Vec::with_capacity(lobes.len());
+        for (weight, phase) in lobes {
+            match phase {
+                Phase::Mixture(inner) => {
+                    flat.extend(inner.lobes.into_iter().map(|(share, phase)| (weight / total * share, phase)));
+                }
+                phase => flat.push((weight / total, phase)),
+            }
+        }
+        Mixture { lobes: flat }
     }
 
-    /// The weights and phase functions; the weights sum to one.
+    /// The weights and phase functions, no mixtures themselves; the weights sum to one.
     pub fn lobes(&self) -> &[(f64, Phase)] {
         &self.lobes
     }

@@ -4,14 +4,18 @@
 //! in before and after scattering; *forward*, the unchanged direction, has cosine +1.
 //! Sampling draws from the phase function itself, so its density is its value.
 
+mod draine;
 mod henyey_greenstein;
 mod isotropic;
+mod mie;
 mod mixture;
 mod rayleigh;
 mod schlick;
 
+pub use draine::Draine;
 pub use henyey_greenstein::HenyeyGreenstein;
 pub use isotropic::Isotropic;
+pub use mie::{LARGEST_DIAMETER, mie};
 pub use mixture::Mixture;
 pub use rayleigh::Rayleigh;
 pub use schlick::Schlick;
@@ -30,6 +34,8 @@ pub enum Phase {
     Schlick(Schlick),
     /// Rayleigh's, of particles far smaller than the wavelength.
     Rayleigh(Rayleigh),
+    /// Draine's, a Henyey–Greenstein with one more parameter.
+    Draine(Draine),
     /// A weighted sum of others.
     Mixture(Mixture),
 }
@@ -78,13 +84,17 @@ impl Phase {
             Phase::HenyeyGreenstein(p) => p.value(deflection),
             Phase::Schlick(p) => p.value(deflection),
             Phase::Rayleigh(p) => p.value(deflection),
+            Phase::Draine(p) => p.value(deflection),
             Phase::Mixture(p) => p.value(deflection),
         }
     }
 
     /// Its value for light that travelled along `before` and goes on along `after`.
     pub fn between(&self, before: DVec3, after: DVec3) -> f64 {
-        self.value(Deflection::between(before, after))
+        match self {
+            Phase::Isotropic(p) => p.value(),
+            _ => self.value(Deflection::between(before, after)),
+        }
     }
 
     /// A deflection drawn from it, for `u` in [0, 1).
@@ -94,6 +104,7 @@ impl Phase {
             Phase::HenyeyGreenstein(p) => p.deflect(u),
             Phase::Schlick(p) => p.deflect(u),
             Phase::Rayleigh(p) => p.deflect(u),
+            Phase::Draine(p) => p.deflect(u, stream),
             Phase::Mixture(p) => p.deflect(u, stream),
         }
     }
@@ -115,6 +126,7 @@ impl Phase {
             Phase::Isotropic(_) | Phase::Rayleigh(_) => 0.0,
             Phase::HenyeyGreenstein(p) => p.g,
             Phase::Schlick(p) => p.mean_cosine(),
+            Phase::Draine(p) => p.mean_cosine(),
             Phase::Mixture(p) => p.mean_cosine(),
         }
     }
@@ -146,6 +158,24 @@ mod tests {
             (0.8, Phase::HenyeyGreenstein(HenyeyGreenstein { g: 0.8 })),
             (0.2, Phase::HenyeyGreenstein(HenyeyGreenstein { g: -0.5 })),
         ];
+        // Mean cosines by quadrature over the textbook form.
+        for (g, alpha) in [(0.0, 1.0), (1e-8, 250.0), (0.3, 0.0), (0.6, 30.0), (-0.6, 30.0), (0.99, 1.0), (0.0, 250.0)]
+        {
+            let n = 1_000_000;
+            let [sum, cosines] = (0..n).fold([0.0; 2], |[sum, cosines], i| {
+                let c = 2.0 * (i as f64 + 0.5) / n as f64 - 1.0;
+                let p = (1.0 + alpha * c * c) / (1.0 + g * g - 2.0 * g * c).powf(1.5);
+                [sum + p, cosines + c * p]
+            });
+            kinds.push((format!("draine {g} {alpha}"), Phase::Draine(Draine { g, alpha }), cosines / sum));
+        }
+        for (diameter, mean) in [(0.05, 0.0374), (0.5, 0.8180), (3.0, 0.8139), (10.0, 0.8642), (50.0, 0.8912)] {
+            // From a transcription of the fit elsewhere, four digits.
+            let phase = Phase::Mixture(mie(diameter));
+            assert!((phase.mean_cosine() - mean).abs() < 1e-4, "{diameter} µm: {}", phase.mean_cosine());
+            let mean = phase.mean_cosine();
+            kinds.push((format!("mie {diameter}"), phase, mean));
+        }
         kinds.push(("mixture".into(), Phase::Mixture(Mixture::new(lobes)), 0.8 * 0.8 - 0.2 * 0.5));
         kinds
     }

@@ -2,13 +2,17 @@
 
 use super::{Either, Names, all, either, transform::transform};
 use crate::math::{DAffine3, DVec3, Rgb};
-use crate::scene::description::{Density, Interpolation, Medium, MediumEmission, Negative, Phase};
+use crate::medium::phase::LARGEST_DIAMETER;
+use crate::medium::presets::PRESETS;
+use crate::scene::build;
+use crate::scene::description::{Density, Interpolation, Medium, MediumEmission, Negative, Phase, Unit};
 use crate::scene::table::{Item, Read, Table};
 
-pub(super) fn medium(name: &str, item: &Item, names: &Names) -> Read<Medium> {
+pub(super) fn medium(name: &str, item: &Item, names: &Names, scene_unit: Unit) -> Read<Medium> {
     let table = item.table()?;
-    let coefficients = coefficients(&table);
     let phase = table.get_or("phase", Phase::Isotropic, |item| phase(&item.table()?, false));
+    let mean_cosine = phase.as_ref().map_or(0.0, |phase| build::phase(phase).mean_cosine());
+    let coefficients = coefficients(&table, mean_cosine, scene_unit);
     let density = table.get_or("density", Density::Constant { value: 1.0 }, |item| density(&item.table()?, names));
     let emission = table.get("emission", |item| emission(&item.table()?));
     table.finish()?;
@@ -22,23 +26,38 @@ pub(super) fn medium(name: &str, item: &Item, names: &Names) -> Read<Medium> {
     Ok(Medium { name: name.to_owned(), sigma_s, sigma_a, phase: phase?, density, emission, place: item.place() })
 }
 
-/// σ_s and σ_a, scaled: given as such, a missing one being 0, or as extinction and albedo.
-fn coefficients(table: &Table) -> Read<(Rgb, Rgb)> {
+/// σ_s and σ_a per scene unit, scaled: given as such, a missing one being 0, or as extinction and albedo, or by
+/// the name of a measured medium, whose scattering depends on the phase function's mean cosine.
+fn coefficients(table: &Table, mean_cosine: f64, scene_unit: Unit) -> Read<(Rgb, Rgb)> {
     let sigma_s = table.get("sigma_s", Item::colour);
     let sigma_a = table.get("sigma_a", Item::colour);
     let sigma_t = table.get("sigma_t", Item::colour);
     let albedo = table.get("albedo", Item::share);
-    let preset = table.later("preset");
-    let unit = table.get("unit", |item| item.choice(&[("scene", ())], &["mm", "cm", "m"]));
+    let preset = table.get("preset", |item| {
+        let options = PRESETS.each_ref().map(|preset| (preset.name, preset));
+        item.choice(&options, &[])
+    });
+    let unit = table.get("unit", |item| {
+        let options =
+            [("scene", None), ("mm", Some(Unit::Millimetre)), ("cm", Some(Unit::Centimetre)), ("m", Some(Unit::Metre))];
+        item.choice(&options, &[])
+    });
     let scale = table.get_or("scale", 1.0, Item::non_negative);
-    preset.and(unit)?;
 
-    let (sigma_s, sigma_a) = match (sigma_s?, sigma_a?, sigma_t?, albedo?) {
-        (None, None, None, None) => {
-            return Err(
-                table.missing("", "has no coefficients; expected `sigma_s` and `sigma_a`, or `sigma_t` and `albedo`")
-            );
-        }
+    let (sigma_s, sigma_a, preset) = (sigma_s?, sigma_a?, preset?);
+    let given = (sigma_s, sigma_a, sigma_t?, albedo?);
+    if preset.is_some() && given != (None, None, None, None) {
+        let message = "is given beside coefficients; expected only one of them (`scale` thins a preset or thickens it)";
+        return Err(table.fail_at("preset", message));
+    }
+    let (sigma_s, sigma_a) = match given {
+        (None, None, None, None) => match preset {
+            Some(preset) => preset.coefficients(mean_cosine),
+            None => {
+                let expected = "`sigma_s` and `sigma_a`, or `sigma_t` and `albedo`, or a `preset`";
+                return Err(table.missing("", format!("has no coefficients; expected {expected}")));
+            }
+        },
         (None, None, Some(sigma_t), Some(albedo)) => (sigma_t * albedo, sigma_t * (Rgb::ONE - albedo)),
         (None, None, Some(_), None) => return Err(table.missing("albedo", "is missing beside `sigma_t`")),
         (None, None, None, Some(_)) => return Err(table.missing("sigma_t", "is missing beside `albedo`")),
@@ -51,7 +70,10 @@ fn coefficients(table: &Table) -> Read<(Rgb, Rgb)> {
             return Err(table.fail_at(here, message));
         }
     };
-    let (sigma_s, sigma_a) = (sigma_s * scale?, sigma_a * scale?);
+    // Coefficients are per unit; a scene unit holds so many of these.
+    let unit = unit?.unwrap_or(preset.map(|_| Unit::Millimetre));
+    let factor = scale? * unit.map_or(1.0, |unit| scene_unit.metres() / unit.metres());
+    let (sigma_s, sigma_a) = (sigma_s * factor, sigma_a * factor);
     if !(sigma_s + sigma_a).is_finite() {
         return Err(table.fail("has coefficients that exceed the range of 64-bit numbers"));
     }
@@ -66,6 +88,7 @@ fn phase(table: &Table, lobe: bool) -> Read<Phase> {
         HenyeyGreenstein,
         Schlick,
         Rayleigh,
+        Mie,
         Mixture,
     }
     let kinds = [
@@ -73,16 +96,21 @@ fn phase(table: &Table, lobe: bool) -> Read<Phase> {
         ("hg", Kind::HenyeyGreenstein),
         ("schlick", Kind::Schlick),
         ("rayleigh", Kind::Rayleigh),
+        ("mie", Kind::Mie),
         ("mixture", Kind::Mixture),
     ];
-    let kinds = if lobe { &kinds[..4] } else { &kinds };
-    let phase = match table.require("type", |item| item.choice(kinds, &["mie"]))? {
+    let kinds = if lobe { &kinds[..5] } else { &kinds };
+    let phase = match table.require("type", |item| item.choice(kinds, &[]))? {
         Kind::Isotropic => Ok(Phase::Isotropic),
         Kind::Rayleigh => Ok(Phase::Rayleigh),
         Kind::HenyeyGreenstein => {
             table.require("g", |item| item.between(-1.0, 1.0)).map(|g| Phase::HenyeyGreenstein { g })
         }
         Kind::Schlick => table.require("k", |item| item.between(-1.0, 1.0)).map(|k| Phase::Schlick { k }),
+        Kind::Mie => {
+            let diameter = table.require("diameter", |item| item.above_up_to(0.0, LARGEST_DIAMETER));
+            diameter.map(|diameter| Phase::Mie { diameter })
+        }
         Kind::Mixture => table.require("lobes", mixture),
     };
     table.finish()?;
@@ -106,6 +134,9 @@ fn mixture(item: &Item) -> Read<Phase> {
     Ok(Phase::Mixture(lobes.into_iter().map(|(weight, phase)| (weight / sum, phase)).collect()))
 }
 
+/// More octaves would be finer than any grid of voxels that fits into memory.
+const MOST_OCTAVES: i128 = 12;
+
 fn density(table: &Table, names: &Names) -> Read<Density> {
     #[derive(Clone, Copy)]
     enum Kind {
@@ -113,6 +144,7 @@ fn density(table: &Table, names: &Names) -> Read<Density> {
         Vdb,
         Array,
         Exponential,
+        Noise,
     }
     let kind = table.require("type", |item| {
         let kinds = [
@@ -120,8 +152,9 @@ fn density(table: &Table, names: &Names) -> Read<Density> {
             ("vdb", Kind::Vdb),
             ("array", Kind::Array),
             ("exponential", Kind::Exponential),
+            ("noise", Kind::Noise),
         ];
-        item.choice(&kinds, &["noise"])
+        item.choice(&kinds, &[])
     })?;
     match kind {
         Kind::Constant => {
@@ -163,6 +196,14 @@ fn density(table: &Table, names: &Names) -> Read<Density> {
             let value = table.get_or("value", 1.0, Item::non_negative);
             table.finish()?;
             Ok(Density::Exponential { origin: origin?, up: up?, scale_height: scale_height?, value: value? })
+        }
+        Kind::Noise => {
+            let scale = table.get_or("scale", 1.0, Item::length);
+            let octaves = table.get_or("octaves", 4, |item| item.integer(1, MOST_OCTAVES));
+            let threshold = table.get_or("threshold", 0.5, |item| item.half_open(0.0, 1.0));
+            let seed = table.get_or("seed", 0, |item| item.u32(0));
+            table.finish()?;
+            Ok(Density::Noise { scale: scale?, octaves: octaves?, threshold: threshold?, seed: seed? })
         }
     }
 }

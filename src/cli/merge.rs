@@ -1,0 +1,55 @@
+//! `volpm merge`.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use super::picture::{Facts, picture, tone_of};
+use crate::image::{self, Format};
+use crate::render::{Checkpoint, checkpoint};
+use crate::{Error, Result};
+
+#[derive(Args)]
+pub struct Arguments {
+    /// Checkpoints of one scene, with different seeds or passes.
+    #[arg(required = true)]
+    checkpoints: Vec<PathBuf>,
+    /// Where to write them together: an image by its ending, .exr, .png, .pfm or .hdr; else a checkpoint. Repeatable.
+    #[arg(short, long, value_name = "FILE", required = true)]
+    out: Vec<PathBuf>,
+    /// No messages but errors.
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    arguments.out.iter().try_for_each(image::check_target)?;
+    let mut files = arguments.checkpoints.iter();
+    let first: &Path = files.next().ok_or_else(|| Error::Usage("there is no checkpoint to merge".to_string()))?;
+    let mut all = Checkpoint::read(first)?;
+    for (index, file) in files.enumerate() {
+        let next = Checkpoint::read(file)?;
+        all.merge(&next).map_err(|why| {
+            let others = if index == 0 { "" } else { " and the others before it" };
+            Error::asset(file, format!("cannot be joined with {}{others}: {why}", first.display()))
+        })?;
+    }
+    let Checkpoint { subject, film, stats } = &all;
+    let seconds = stats.photons_seconds + stats.build_seconds + stats.render_seconds;
+    let seeds = film.done().seeds().collect();
+    let picture =
+        picture(film, stats, &Facts { scene: subject.scene.clone(), method: &subject.method, seeds, seconds });
+    for path in &arguments.out {
+        match Format::of(path) {
+            Ok(_) => image::write(path, &picture, &tone_of(subject))?,
+            Err(_) => checkpoint::write(path, subject, film, stats)?,
+        }
+    }
+    if !arguments.quiet {
+        let names: Vec<String> = arguments.out.iter().map(|path| path.display().to_string()).collect();
+        let passes = stats.passes;
+        let error = stats.error.map_or(String::new(), |error| format!(", standard error {:.2} %", 100.0 * error));
+        eprintln!("{}: {passes} passes{error}", names.join(", "));
+    }
+    Ok(())
+}

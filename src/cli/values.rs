@@ -1,0 +1,122 @@
+//! Values of options: times, sizes, shares, ranges.
+
+use std::ops::RangeInclusive;
+use std::time::Duration;
+
+/// A number and what follows it.
+fn number(text: &str) -> Option<(f64, &str)> {
+    let end = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
+    let number: f64 = text[..end].parse().ok()?;
+    Some((number, text[end..].trim()))
+}
+
+/// A time above 0: `90s`, `1.5m`, `2h`; several may follow each other.
+pub fn time(text: &str) -> Result<Duration, String> {
+    let expected = || "expected a time such as 90s, 1.5m, 2h or 1h30m".to_string();
+    let mut rest = text.trim();
+    let mut seconds = 0.0;
+    while !rest.is_empty() {
+        let (count, after) = number(rest).ok_or_else(expected)?;
+        let end = after.find(|c: char| c.is_ascii_digit()).unwrap_or(after.len());
+        let unit = match after[..end].trim() {
+            "ms" => 1e-3,
+            "s" | "sec" => 1.0,
+            "m" | "min" => 60.0,
+            "h" => 3600.0,
+            _ => return Err(expected()),
+        };
+        seconds += count * unit;
+        rest = &after[end..];
+    }
+    match Duration::try_from_secs_f64(seconds) {
+        Ok(time) if !time.is_zero() => Ok(time),
+        _ => Err(expected()),
+    }
+}
+
+/// A share above 0: `2%` or `0.02`.
+pub fn share(text: &str) -> Result<f64, String> {
+    let share = match number(text.trim()) {
+        Some((number, "%")) => number / 100.0,
+        Some((number, "")) => number,
+        _ => 0.0,
+    };
+    if share > 0.0 { Ok(share) } else { Err("expected a share above 0, such as 2% or 0.02".to_string()) }
+}
+
+/// A number of bytes: `8GiB`, `500 MB`.
+pub fn bytes(text: &str) -> Result<u64, String> {
+    let expected = || "expected a size such as 8GiB or 500MB".to_string();
+    let (count, unit) = number(text.trim()).ok_or_else(expected)?;
+    let unit = match unit.to_ascii_lowercase().as_str() {
+        "b" => 1.0,
+        "kb" => 1e3,
+        "mb" => 1e6,
+        "gb" => 1e9,
+        "tb" => 1e12,
+        "k" | "kib" => 2f64.powi(10),
+        "m" | "mib" => 2f64.powi(20),
+        "g" | "gib" => 2f64.powi(30),
+        "t" | "tib" => 2f64.powi(40),
+        _ => return Err(expected()),
+    };
+    let bytes = (count * unit) as u64;
+    if bytes > 0 { Ok(bytes) } else { Err(expected()) }
+}
+
+/// Passes from 1, both ends included: `9..16`, or `9` alone.
+pub fn passes(text: &str) -> Result<RangeInclusive<u32>, String> {
+    let (first, last) = text.split_once("..").unwrap_or((text, text));
+    match (first.trim().parse::<u32>(), last.trim().parse::<u32>()) {
+        (Ok(first), Ok(last)) if first >= 1 && first <= last => Ok(first..=last),
+        _ => Err("expected the first and the last pass, counted from 1, such as 9..16".to_string()),
+    }
+}
+
+/// `HOST:PORT`, as it is.
+#[cfg(feature = "tev")]
+pub fn address(text: &str) -> Result<String, String> {
+    match text.rsplit_once(':') {
+        Some((host, port)) if !host.is_empty() && port.parse::<u16>().is_ok() => Ok(text.to_string()),
+        _ => Err("expected HOST:PORT, such as localhost:14158".to_string()),
+    }
+}
+
+/// A file that ends in .png.
+pub fn png(text: &str) -> Result<std::path::PathBuf, String> {
+    if text.to_ascii_lowercase().ends_with(".png") {
+        Ok(text.into())
+    } else {
+        Err("expected a name that ends in .png".to_string())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_are_read_with_their_units() {
+        let seconds = |text| time(text).map(|time| time.as_secs_f64()).ok();
+        for (text, expected) in
+            [("60s", 60.0), ("1.5m", 90.0), ("1h30m", 5400.0), ("2 min", 120.0), ("250ms", 0.25), ("0.5h", 1800.0)]
+        {
+            assert_eq!(seconds(text), Some(expected), "{text}");
+        }
+        for text in ["", "60", "0s", "-1s", "s", "1d", "1e400h", "1..2s", "9999999999999999999999s"] {
+            assert_eq!(seconds(text), None, "{text}");
+        }
+        assert_eq!((share("2%"), share(" 0.5 % "), share("0.02")), (Ok(0.02), Ok(0.005), Ok(0.02)));
+        for text in ["", "0", "-1%", "2%%", "x", "nan", "inf"] {
+            assert!(share(text).is_err(), "{text}");
+        }
+        assert_eq!((bytes("8GiB"), bytes("500 MB"), bytes("1.5k")), (Ok(8 << 30), Ok(500_000_000), Ok(1536)));
+        for text in ["", "8", "0MB", "-1GB", "GiB", "8 GiB s"] {
+            assert!(bytes(text).is_err(), "{text}");
+        }
+        assert_eq!((passes("9..16"), passes("3"), passes(" 1 .. 1 ")), (Ok(9..=16), Ok(3..=3), Ok(1..=1)));
+        for text in ["", "0..3", "4..3", "1..", "..4", "1...4", "a..b", "1..99999999999"] {
+            assert!(passes(text).is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,152 @@
+//! What follows a render: the progress, and the files and viewers that show how far it came.
+
+use std::path::PathBuf;
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+use super::progress::Bar;
+#[cfg(feature = "tev")]
+use super::tev::Viewer;
+use crate::Result;
+use crate::image::{self, ToneSettings};
+use crate::render::checkpoint::{self, Subject};
+use crate::render::{Film, Progress, Stats};
+
+/// Between two checkpoints.
+const CHECKPOINTS: Duration = Duration::from_secs(30);
+/// Between two pictures.
+const PICTURES: Duration = Duration::from_secs(1);
+/// Nothing takes more than one part in so many of the time.
+const SHARE: u32 = 20;
+
+/// Something to be done again and again.
+struct Repeated<T> {
+    what: T,
+    least: Duration,
+    next: Instant,
+    failed: bool,
+}
+
+impl<T> Repeated<T> {
+    fn new(what: T, least: Duration) -> Self {
+        Repeated { what, least, next: Instant::now() + least, failed: false }
+    }
+
+    /// Does it if it is time. A failure costs no render: it is shown once.
+    fn due(&mut self, bar: &Bar, work: impl FnOnce(&mut T) -> Result<()>) {
+        let start = Instant::now();
+        if start < self.next {
+            return;
+        }
+        if let Err(error) = work(&mut self.what)
+            && !std::mem::replace(&mut self.failed, true)
+        {
+            bar.say(&format!("warning: {error}; the render goes on"));
+        }
+        self.next = Instant::now() + self.least.max(SHARE * start.elapsed());
+    }
+}
+
+/// Shows progress, and keeps checkpoint, preview and viewer up to date.
+pub struct Watch {
+    bar: Bar,
+    outputs: Mutex<Outputs>,
+}
+
+struct Outputs {
+    tone: ToneSettings,
+    checkpoint: Option<Repeated<(PathBuf, Subject)>>,
+    preview: Option<Repeated<PathBuf>>,
+    #[cfg(feature = "tev")]
+    viewer: Option<Repeated<Viewer>>,
+}
+
+impl Watch {
+    /// A bar and nothing else.
+    pub fn new(bar: Bar, tone: ToneSettings) -> Self {
+        let outputs = Outputs {
+            tone,
+            checkpoint: None,
+            preview: None,
+            #[cfg(feature = "tev")]
+            viewer: None,
+        };
+        Watch { bar, outputs: Mutex::new(outputs) }
+    }
+
+    fn outputs(&mut self) -> &mut Outputs {
+        self.outputs.get_mut().unwrap_or_else(|poisoned| poisoned.into_inner())
+    }
+
+    /// Writes checkpoints to `path`.
+    pub fn checkpoint(&mut self, path: PathBuf, subject: Subject) {
+        self.outputs().checkpoint = Some(Repeated::new((path, subject), CHECKPOINTS));
+    }
+
+    /// Writes pictures to `path`.
+    pub fn preview(&mut self, path: PathBuf) {
+        self.outputs().preview = Some(Repeated::new(path, PICTURES));
+    }
+
+    /// Sends images to a viewer.
+    #[cfg(feature = "tev")]
+    pub fn viewer(&mut self, viewer: Viewer) {
+        self.outputs().viewer = Some(Repeated::new(viewer, PICTURES));
+    }
+
+    /// Clears the progress and writes everything a last time: what was written, and what could not be.
+    pub fn finish(self, film: &Film, stats: &Stats) -> Vec<Result<()>> {
+        self.bar.finish();
+        let outputs = self.outputs.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let mut written = Vec::new();
+        if let Some(Repeated { what: (path, subject), .. }) = outputs.checkpoint
+            && film.done().count() > 0
+        {
+            written.push(checkpoint::write(path, &subject, film, stats));
+        }
+        if let Some(preview) = outputs.preview
+            && film.has_samples()
+        {
+            written.push(image::write(preview.what, &film.image().into(), &outputs.tone));
+        }
+        #[cfg(feature = "tev")]
+        if let Some(mut viewer) = outputs.viewer
+            && film.has_samples()
+        {
+            // A viewer that was closed has seen enough.
+            let _ = viewer.what.show(&film.image());
+        }
+        written
+    }
+}
+
+impl Progress for Watch {
+    fn phase(&self, name: &'static str, steps: u64) {
+        self.bar.phase(name, steps);
+    }
+
+    fn advance(&self, steps: u64) {
+        self.bar.advance(steps);
+    }
+
+    fn refined(&self, film: &Film, stats: &Stats) {
+        self.bar.refined(film, stats);
+        let Ok(mut outputs) = self.outputs.lock() else { return };
+        let Outputs { tone, checkpoint, preview, .. } = &mut *outputs;
+        if let Some(checkpoint) = checkpoint
+            && film.done().count() > 0
+        {
+            checkpoint.due(&self.bar, |(path, subject)| checkpoint::write(path, subject, film, stats));
+        }
+        if let Some(preview) = preview {
+            preview.due(&self.bar, |path| image::write(path, &film.image().into(), tone));
+        }
+        #[cfg(feature = "tev")]
+        if let Some(viewer) = &mut outputs.viewer {
+            let show = |viewer: &mut Viewer| {
+                viewer.show(&film.image()).map_err(|error| crate::Error::output("the tev viewer", error))
+            };
+            viewer.due(&self.bar, show);
+        }
+    }
+}

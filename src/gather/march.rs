@@ -1,0 +1,509 @@
+//! Marching: where along a ray something is evaluated, and what each place weighs (Jensen 2001, §10.4).
+//!
+//! All three marchers divide the ray into steps and draw one place in each, in proportion to the transmittance of a
+//! locally constant medium. A place then weighs T(t)/p(t), with the exact T: in a constant medium this is ∫T over
+//! the step, wherever the place is, and in any medium the sum is right on average for any size of steps.
+
+use super::DepthTable;
+use crate::math::{Ray, Rgb, Stream};
+use crate::medium::Medium;
+use crate::transport::shares;
+use smallvec::SmallVec;
+
+/// How long steps are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Stepping {
+    /// All alike.
+    Uniform,
+    /// Halved while the density or the light at their ends differs by more than this, as a share of the larger; light
+    /// as a share of the ray's mean where that is more.
+    Adaptive {
+        /// The largest difference.
+        contrast: f64,
+    },
+    /// In inverse proportion to the transmittance: each step sees the same share of what there is to see.
+    Exponential,
+}
+
+/// A marcher.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Marcher {
+    /// How long steps are.
+    pub stepping: Stepping,
+    /// The smallest step, above 0; steps that must fill a stretch are a little shorter.
+    pub size: f64,
+}
+
+/// A stretch of a ray through one medium.
+#[derive(Clone, Copy, Debug)]
+pub struct Stretch<'a> {
+    /// The ray.
+    pub ray: &'a Ray,
+    /// Where transmittance starts to count.
+    pub from: f64,
+    /// Where marching begins, not before `from`.
+    pub a: f64,
+    /// Where it ends; finite.
+    pub b: f64,
+    /// What is around.
+    pub medium: &'a Medium,
+    /// The density integrated since `from`, which is where the table starts; `None` for a density of 1.
+    pub depth: Option<&'a DepthTable>,
+    /// What light at `from` would count, by channel: channels that count little get few places.
+    pub weight: Rgb,
+}
+
+/// Memory that a thread reuses.
+#[derive(Clone, Debug, Default)]
+pub struct Steps {
+    knots: Vec<Knot>,
+}
+
+/// A place on the ray: the transmitted share of light, averaged over the channels, and its integral up to there.
+#[derive(Clone, Copy, Debug)]
+struct Knot {
+    t: f64,
+    transmitted: f64,
+    mass: f64,
+}
+
+/// Below this transmittance, steps go on by roulette.
+const FAINT: f64 = 0.05;
+
+/// Adaptive marching starts with steps this many times the smallest. Longer ones come upon what is small and bright
+/// seldom, and then with a large weight: in `scenes/volume-caustic.toml` 8 and 16 are noisier, 2 is slower.
+const COARSEST: f64 = 4.0;
+
+/// Knots between which exponential marching takes the transmittance for exponential.
+const KNOTS: usize = 128;
+
+/// A marched integral, by quantity.
+type Sums<const N: usize> = [Rgb; N];
+
+impl Stretch<'_> {
+    fn depth(&self, t: f64) -> f64 {
+        self.depth.map_or(t - self.from, |table| table.depth_at(t - self.from))
+    }
+
+    /// The share of light that arrives from depth `d`, averaged over the channels by what they count.
+    fn transmitted(&self, d: f64) -> f64 {
+        (shares(self.weight) * self.medium.transmittance(d)).element_sum()
+    }
+}
+
+/// One step: its ends, and the depths there.
+#[derive(Clone, Copy)]
+struct Step {
+    ends: [f64; 2],
+    depths: [f64; 2],
+}
+
+/// A place in a step.
+struct Place {
+    t: f64,
+    /// The share of the step that lies before it.
+    x: f64,
+    /// Its probability density.
+    density: f64,
+}
+
+impl Step {
+    fn new(stretch: &Stretch, a: f64, b: f64) -> Self {
+        Step { ends: [a, b], depths: [stretch.depth(a), stretch.depth(b)] }
+    }
+
+    /// The optical depth of the step, by channel.
+    fn tau(&self, stretch: &Stretch) -> Rgb {
+        stretch.medium.extinction * (self.depths[1] - self.depths[0])
+    }
+
+    /// A place drawn in proportion to transmittance: in the mean over channels, by what of each arrives from here.
+    fn place(&self, stretch: &Stretch, u: f64) -> Place {
+        let [a, b] = self.ends;
+        let tau = self.tau(stretch);
+        let arriving = shares(stretch.weight * stretch.medium.transmittance(self.depths[0]));
+        // One number chooses the channel and then the place.
+        let (mut rest, mut channel) = (u, 0);
+        while channel < 2 && rest >= arriving[channel] {
+            rest -= arriving[channel];
+            channel += 1;
+        }
+        let grey = tau.x == tau.y && tau.x == tau.z;
+        let v = if grey { u } else { (rest / arriving[channel]).clamp(0.0, 1.0) };
+        let x = exponential(tau[channel], v);
+        let density = (arriving * tau.map(|tau| (-tau * x).exp() / mean_transmittance(tau))).element_sum();
+        Place { t: a + (b - a) * x, x, density: density / (b - a) }
+    }
+}
+
+/// (1 − e^{−τ})/τ
+fn mean_transmittance(tau: f64) -> f64 {
+    crate::math::one_minus_exp_over(tau)
+}
+
+/// ∫₀¹ x e^{−τx} dx
+fn first_moment(tau: f64) -> f64 {
+    if tau < 1e-3 { 0.5 - tau / 3.0 + tau * tau / 8.0 } else { (mean_transmittance(tau) - (-tau).exp()) / tau }
+}
+
+/// x in [0, 1] with density ∝ e^{−τx}.
+fn exponential(tau: f64, u: f64) -> f64 {
+    if tau < 1e-9 { u } else { (-(u * (-tau).exp_m1()).ln_1p() / tau).min(1.0) }
+}
+
+/// Roulette by transmittance, once it is faint.
+struct Roulette {
+    /// The share of marches that have come this far.
+    reached: f64,
+}
+
+impl Roulette {
+    /// Whether to go on where so much light is transmitted.
+    fn goes_on(&mut self, transmitted: f64, stream: &mut Stream) -> bool {
+        let share = (transmitted / FAINT).min(1.0);
+        if share >= self.reached {
+            return true;
+        }
+        let chance = share / self.reached;
+        self.reached = share;
+        stream.uniform() < chance
+    }
+}
+
+impl Marcher {
+    /// ∫ T(t) S(t) dt over a stretch, as seen at its `from`, for quantities S that `source` tells at a place; the
+    /// first of them guides adaptive steps.
+    pub fn march<const N: usize>(
+        &self,
+        stretch: &Stretch,
+        stream: &mut Stream,
+        steps: &mut Steps,
+        source: &mut impl FnMut(f64, &mut Stream) -> [Rgb; N],
+    ) -> [Rgb; N] {
+        let mut sums = [Rgb::ZERO; N];
+        let length = stretch.b - stretch.a;
+        let mut roulette = Roulette { reached: 1.0 };
+        let start = stretch.transmitted(stretch.depth(stretch.a));
+        if length.is_nan() || length <= 0.0 || !roulette.goes_on(start, stream) {
+            return sums;
+        }
+        match self.stepping {
+            Stepping::Uniform => {
+                let count = (length / self.size).ceil().max(1.0);
+                let u = stream.uniform();
+                let mut step = Step::new(stretch, stretch.a, stretch.a);
+                for i in 1..=count as u64 {
+                    let end = stretch.a + length * (i as f64 / count);
+                    step = Step { ends: [step.ends[1], end], depths: [step.depths[1], stretch.depth(end)] };
+                    if !roulette.goes_on(stretch.transmitted(step.depths[0]), stream) {
+                        break;
+                    }
+                    add(&mut sums, stretch, &step, u, 1.0 / roulette.reached, stream, source);
+                }
+            }
+            Stepping::Exponential => {
+                steps.tabulate(stretch);
+                let mass = steps.knots.last().map_or(0.0, |knot| knot.mass);
+                let count = (mass / self.size).ceil().max(1.0);
+                let u = stream.uniform();
+                let mut step = Step::new(stretch, stretch.a, stretch.a);
+                let mut knot = 1;
+                for i in 1..=count as u64 {
+                    let end = if i as f64 == count {
+                        stretch.b
+                    } else {
+                        steps.place(mass * (i as f64 / count), &mut knot).clamp(step.ends[1], stretch.b)
+                    };
+                    step = Step { ends: [step.ends[1], end], depths: [step.depths[1], stretch.depth(end)] };
+                    add(&mut sums, stretch, &step, u, 1.0 / roulette.reached, stream, source);
+                }
+            }
+            Stepping::Adaptive { contrast } => {
+                self.adapt(stretch, contrast, &mut roulette, stream, source, &mut sums);
+            }
+        }
+        sums
+    }
+
+    /// Adaptive marching. The source between the ends of a step is taken for linear; what that misses is estimated at
+    /// a place between: the steps themselves were chosen by the values at their ends, and would otherwise miss, on
+    /// average, what is too small for them.
+    fn adapt<const N: usize>(
+        &self,
+        stretch: &Stretch,
+        contrast: f64,
+        roulette: &mut Roulette,
+        stream: &mut Stream,
+        source: &mut impl FnMut(f64, &mut Stream) -> [Rgb; N],
+        sums: &mut Sums<N>,
+    ) {
+        let length = stretch.b - stretch.a;
+        let levels = (length / (2.0 * self.size)).clamp(1.0, COARSEST).log2().floor();
+        let coarse = self.size * levels.exp2();
+        let mut probe = |t: f64, stream: &mut Stream| {
+            let depth = stretch.depth(t);
+            Probe { t, depth, density: stretch.medium.density.at(stretch.ray.at(t)), source: source(t, stream) }
+        };
+        // The longest steps first: what they see on average tells what matters.
+        let mut coarsest: SmallVec<[(Probe<N>, f64); 32]> = SmallVec::new();
+        let mut start = probe(stretch.a, stream);
+        let mut next = stretch.a + coarse * (0.25 + 0.75 * stream.uniform());
+        let mut mean = 0.0;
+        coarsest.push((start, 1.0));
+        while start.t < stretch.b && roulette.goes_on(stretch.transmitted(start.depth), stream) {
+            // A short rest at the end joins the last step.
+            let end = probe(if next > stretch.b - 0.25 * coarse { stretch.b } else { next }, stream);
+            mean += 0.5 * (start.arriving(stretch) + end.arriving(stretch)) * (end.t - start.t) / length;
+            coarsest.push((end, roulette.reached));
+            next = end.t + coarse;
+            start = end;
+        }
+
+        let mut waiting: SmallVec<[Probe<N>; 8]> = SmallVec::new();
+        for ends in coarsest.windows(2) {
+            let (mut start, reached) = (ends[0].0, ends[1].1);
+            waiting.push(ends[1].0);
+            while let Some(end) = waiting.last() {
+                let width = end.t - start.t;
+                let arriving = stretch.transmitted(start.depth);
+                let brightest = start.source[0].max(end.source[0]).max_element();
+                let change = (start.source[0] - end.source[0]).abs().max_element();
+                let differs = change * arriving > contrast * mean.max(brightest * arriving)
+                    || (start.density - end.density).abs() > contrast * start.density.max(end.density);
+                if differs && width >= 2.0 * self.size * (1.0 - 1e-9) {
+                    waiting.push(probe(start.t + 0.5 * width, stream));
+                    continue;
+                }
+                let step = Step { ends: [start.t, end.t], depths: [start.depth, end.depth] };
+                let tau = step.tau(stretch);
+                let before = stretch.medium.transmittance(start.depth) / reached;
+                let late = tau.map(first_moment);
+                let early = tau.map(mean_transmittance) - late;
+                for (i, sum) in sums.iter_mut().enumerate() {
+                    *sum += before * width * (early * start.source[i] + late * end.source[i]);
+                }
+                let place = step.place(stretch, stream.uniform());
+                let between = probe(place.t, stream);
+                let exact = stretch.medium.transmittance(between.depth) / (place.density * reached);
+                let taken = before * tau.map(|tau| (-tau * place.x).exp()) / place.density;
+                for (i, sum) in sums.iter_mut().enumerate() {
+                    *sum += exact * between.source[i] - taken * start.source[i].lerp(end.source[i], place.x);
+                }
+                start = *end;
+                waiting.pop();
+            }
+        }
+    }
+}
+
+impl<const N: usize> Probe<N> {
+    /// The brightest channel of the source, faded by the way to here.
+    fn arriving(&self, stretch: &Stretch) -> f64 {
+        self.source[0].max_element() * stretch.transmitted(self.depth)
+    }
+}
+
+/// What adaptive marching knows of a place.
+#[derive(Clone, Copy)]
+struct Probe<const N: usize> {
+    t: f64,
+    depth: f64,
+    density: f64,
+    source: [Rgb; N],
+}
+
+/// Adds what one place in a step says.
+fn add<const N: usize>(
+    sums: &mut Sums<N>,
+    stretch: &Stretch,
+    step: &Step,
+    u: f64,
+    factor: f64,
+    stream: &mut Stream,
+    source: &mut impl FnMut(f64, &mut Stream) -> [Rgb; N],
+) {
+    if step.ends[1] <= step.ends[0] {
+        return;
+    }
+    let place = step.place(stretch, u);
+    let weight = stretch.medium.transmittance(stretch.depth(place.t)) * (factor / place.density);
+    if weight.max_element() > 0.0 && weight.is_finite() {
+        let values = source(place.t, stream);
+        for (sum, value) in sums.iter_mut().zip(values) {
+            *sum += weight * value;
+        }
+    }
+}
+
+impl Steps {
+    /// Knots along the stretch, closer together at its start.
+    fn tabulate(&mut self, stretch: &Stretch) {
+        self.knots.clear();
+        let length = stretch.b - stretch.a;
+        let mut last = Knot { t: stretch.a, transmitted: stretch.transmitted(stretch.depth(stretch.a)), mass: 0.0 };
+        self.knots.push(last);
+        let grey = stretch.medium.extinction.max_element() == stretch.medium.extinction.min_element();
+        // One exponential says it all.
+        let count = if stretch.depth.is_none() && grey { 1 } else { KNOTS };
+        for i in 1..=count {
+            let t = stretch.a + length * (i as f64 / count as f64).powi(2);
+            let transmitted = stretch.transmitted(stretch.depth(t));
+            let tau = (last.transmitted / transmitted).ln();
+            let mean =
+                if tau.is_finite() { last.transmitted * mean_transmittance(tau) } else { 0.5 * last.transmitted };
+            last = Knot { t, transmitted, mass: last.mass + mean * (t - last.t) };
+            self.knots.push(last);
+        }
+    }
+
+    /// Where the mass reaches `mass`, looking from knot `from` on.
+    fn place(&self, mass: f64, from: &mut usize) -> f64 {
+        while *from + 1 < self.knots.len() && self.knots[*from].mass < mass {
+            *from += 1;
+        }
+        let (before, after) = (self.knots[*from - 1], self.knots[*from]);
+        let share = ((mass - before.mass) / (after.mass - before.mass)).clamp(0.0, 1.0);
+        let tau = (before.transmitted / after.transmitted).ln();
+        before.t + (after.t - before.t) * if tau.is_finite() { exponential(tau, share) } else { share }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::DVec3;
+    use crate::math::random::Purpose;
+    use crate::medium::Emission;
+    use crate::medium::density::{Density, Exponential};
+    use crate::medium::phase::{Isotropic, Phase};
+
+    const STEPPINGS: [Stepping; 3] = [Stepping::Uniform, Stepping::Adaptive { contrast: 0.2 }, Stepping::Exponential];
+
+    fn medium(extinction: [f64; 3], density: Density) -> Medium {
+        Medium {
+            name: String::new(),
+            extinction: extinction.into(),
+            albedo: Rgb::ONE,
+            phase: Phase::Isotropic(Isotropic),
+            density,
+            emission: Emission::None,
+        }
+    }
+
+    /// The mean of many marches over its expectation, its standard error, and how many places each took.
+    fn run(marcher: &Marcher, stretch: &Stretch, source: impl Fn(f64) -> Rgb, expected: Rgb) -> (Rgb, Rgb, f64) {
+        const MARCHES: u64 = 4000;
+        let (mut sum, mut squares, mut places) = (Rgb::ZERO, Rgb::ZERO, 0u64);
+        let mut steps = Steps::default();
+        for i in 0..MARCHES {
+            let mut stream = Stream::new(3, Purpose::Test, i, 0);
+            let [one] = marcher.march(stretch, &mut stream, &mut steps, &mut |t, _| {
+                places += 1;
+                [source(t)]
+            });
+            sum += one / expected;
+            squares += one * one / (expected * expected);
+        }
+        let count = MARCHES as f64;
+        let mean = sum / count;
+        let variance = (squares / count - mean * mean).max(Rgb::ZERO);
+        (mean, (variance / count).map(f64::sqrt), places as f64 / count)
+    }
+
+    /// ∫ T S dt by the midpoint rule.
+    fn integral(stretch: &Stretch, source: impl Fn(f64) -> Rgb) -> Rgb {
+        const N: usize = 200_000;
+        let width = (stretch.b - stretch.a) / N as f64;
+        let at = |i: usize| stretch.a + (i as f64 + 0.5) * width;
+        (0..N).map(|i| stretch.medium.transmittance(stretch.depth(at(i))) * source(at(i)) * width).sum::<Rgb>()
+    }
+
+    /// Right on average, for steps of any size: light that varies, a flash much shorter than the steps, media that
+    /// are thin, thick, coloured, and thinning out, and stretches that begin late.
+    #[test]
+    fn every_marcher_is_right_on_average() {
+        let wave = |t: f64| Rgb::new(1.0 + (3.0 * t).sin(), 1.0, (-t).exp());
+        let flash = |t: f64| Rgb::splat(if (1.3..1.6).contains(&t) { 1.0 } else { 0.01 });
+        let ray = Ray::new(DVec3::new(0.0, 0.0, -1.0), DVec3::Z);
+        let air = Exponential { origin: DVec3::ZERO, up: DVec3::Z, scale_height: 0.5, value: 3.0 };
+        for (extinction, density) in [
+            ([0.0, 1e-7, 0.3], Density::Uniform),
+            ([0.7; 3], Density::Uniform),
+            ([0.2, 2.0, 40.0], Density::Uniform),
+            ([0.5, 1.0, 3.0], Density::Exponential(air)),
+        ] {
+            let medium = medium(extinction, density);
+            for (a, b) in [(0.0, 4.0), (1.0, 2.0)] {
+                let mut table = DepthTable::new();
+                if let Density::Exponential(air) = &medium.density {
+                    for i in 0..=400 {
+                        let t = b * f64::from(i) / 400.0;
+                        table.push(t, medium.density.depth(&ray, 0.0, t), air.at(ray.at(t)));
+                    }
+                    table.finish();
+                }
+                let depth = (!matches!(medium.density, Density::Uniform)).then_some(&table);
+                for weight in [Rgb::ONE, Rgb::new(0.0, 1.0, 5.0)] {
+                    let stretch = Stretch { ray: &ray, from: 0.0, a, b, medium: &medium, depth, weight };
+                    for stepping in STEPPINGS {
+                        for size in [0.1, 0.5, 9.0] {
+                            let marcher = Marcher { stepping, size };
+                            let check = |name: &str, source: &dyn Fn(f64) -> Rgb| {
+                                let expected = integral(&stretch, source);
+                                let (mean, error, _) = run(&marcher, &stretch, source, expected);
+                                for c in (0..3).filter(|&c| weight[c] > 0.0) {
+                                    let found = (mean[c] - 1.0).abs();
+                                    assert!(
+                                        found < 4.0 * error[c] + 1e-4,
+                                        "{name} {extinction:?} {a} {weight} {marcher:?} {c}: {mean} ± {error}"
+                                    );
+                                }
+                            };
+                            check("wave", &wave);
+                            check("flash", &flash);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn even_light_in_an_even_grey_medium_needs_one_place() {
+        let ray = Ray::new(DVec3::ZERO, DVec3::Z);
+        let medium = medium([0.7; 3], Density::Uniform);
+        let stretch = Stretch { ray: &ray, from: 0.0, a: 0.5, b: 4.0, medium: &medium, depth: None, weight: Rgb::ONE };
+        let expected = Rgb::splat(((-0.35f64).exp() - (-2.8f64).exp()) / 0.7);
+        for stepping in STEPPINGS {
+            let (mean, error, _) = run(&Marcher { stepping, size: 9.0 }, &stretch, |_| Rgb::ONE, expected);
+            assert!(
+                (mean - 1.0).abs().max_element() < 1e-9 && error.max_element() < 1e-7,
+                "{stepping:?} {mean} {error}"
+            );
+        }
+    }
+
+    /// Where light does not arrive from, no one looks often.
+    #[test]
+    fn effort_follows_transmittance_and_contrast() {
+        let ray = Ray::new(DVec3::ZERO, DVec3::Z);
+        let places = |sigma: f64, stepping, source: &dyn Fn(f64) -> Rgb| {
+            let medium = medium([sigma; 3], Density::Uniform);
+            let stretch =
+                Stretch { ray: &ray, from: 0.0, a: 0.0, b: 100.0, medium: &medium, depth: None, weight: Rgb::ONE };
+            run(&Marcher { stepping, size: 0.1 }, &stretch, source, Rgb::ONE).2
+        };
+        let one = |_: f64| Rgb::ONE;
+        // ∫T dt = 1, a tenth of it each.
+        let exponential = places(1.0, Stepping::Exponential, &one);
+        assert!((10.0..=11.0).contains(&exponential), "{exponential}");
+        // 30 steps to 1/20, and one mean free path from there on.
+        let uniform = places(1.0, Stepping::Uniform, &one);
+        assert!((35.0..45.0).contains(&uniform), "{uniform}");
+        // Coarse steps where nothing changes, two places each; fine ones around the flash.
+        let even = places(0.0, Stepping::Adaptive { contrast: 0.1 }, &one);
+        assert!((495.0..510.0).contains(&even), "{even}");
+        let flash = places(0.0, Stepping::Adaptive { contrast: 0.1 }, &|t| Rgb::splat((-(t - 50.0).powi(2)).exp()));
+        assert!((even + 50.0..even + 200.0).contains(&flash), "{flash} {even}");
+    }
+}

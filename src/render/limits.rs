@@ -1,0 +1,131 @@
+//! How far a render goes.
+
+use std::ops::RangeInclusive;
+use std::time::Duration;
+
+use super::exact;
+use super::film::{Film, Layers};
+use crate::medium::density::Density;
+use crate::scene::Scene;
+use crate::{Error, Result};
+
+/// When a render ends, and what it may take. By default: after the scene's own passes.
+#[derive(Clone, Debug, Default)]
+pub struct Limits {
+    /// The passes to make, counted from 1: those of a longer render, radii included. `None`: the scene's own;
+    /// where there is a limit of time or error, as many as it takes.
+    pub passes: Option<RangeInclusive<u32>>,
+    /// Wall-clock time after which no more is computed.
+    pub time: Option<Duration>,
+    /// The relative standard error ([`Film::error`]) that is good enough.
+    pub target_error: Option<f64>,
+    /// Bytes of memory that the render should stay below. Where photons do not fit, passes are split into parts.
+    pub memory: Option<u64>,
+    /// Whether the sums are to be written to a checkpoint.
+    pub resumable: bool,
+}
+
+/// Sub-passes for the standard error of a single pass.
+const SUB_PASSES: u32 = 8;
+/// The most bytes that a photon takes: when the map is built, while the traced ones are still there.
+const PHOTON_BYTES: u64 = 160;
+/// What the program takes without film, photons and densities.
+const PROGRAM_BYTES: u64 = 32 << 20;
+/// Parts of a pass with fewer photons than this are not worth their cost.
+const FEWEST_PHOTONS: u64 = 10_000;
+/// A film larger than this is refused.
+const MOST_FILM_BYTES: u64 = 16 << 30;
+
+impl Limits {
+    /// The passes to make.
+    pub fn passes(&self, scene: &Scene) -> RangeInclusive<u32> {
+        match &self.passes {
+            Some(passes) => passes.clone(),
+            None if self.time.is_some() || self.target_error.is_some() => 1..=exact::MOST,
+            None => 1..=scene.render.passes,
+        }
+    }
+
+    /// Whether there is only one pass, and nothing it could be continued by but its repetition.
+    fn single(&self, scene: &Scene) -> bool {
+        self.passes.is_none() && self.passes(scene) == (1..=1)
+    }
+
+    /// What the film keeps, and whether of several passes, `parts` of which make one.
+    fn film_of(&self, scene: &Scene, parts: u32) -> (Layers, bool) {
+        let several = parts > 1 || self.resumable || self.passes(scene) != (1..=1);
+        (Layers { components: scene.film.layers }, several)
+    }
+
+    /// The film that the render needs, black.
+    ///
+    /// # Errors
+    /// [`Error::Limit`] for more memory than any film should take.
+    pub fn film(&self, scene: &Scene, parts: u32) -> Result<Film> {
+        let (width, height) = (scene.film.width, scene.film.height);
+        let (layers, several) = self.film_of(scene, parts);
+        let bytes = Film::bytes(width, height, layers, several);
+        if bytes > MOST_FILM_BYTES {
+            return Err(Error::Limit(format!(
+                "a film of {width} × {height} pixels takes {} of memory, more than {}: render it in parts, or without film.layers",
+                size(bytes),
+                size(MOST_FILM_BYTES)
+            )));
+        }
+        Ok(if several { Film::of_passes(width, height, layers) } else { Film::new(width, height, layers) })
+    }
+
+    /// The parts that each pass is split into, alike but for their share of `photons` and samples: several for
+    /// the standard error of a single pass, or where memory does not hold all photons at once.
+    ///
+    /// # Errors
+    /// [`Error::Limit`] where not even a small part would fit.
+    pub fn parts(&self, scene: &Scene, photons: u64) -> Result<u32> {
+        let parts = if scene.film.standard_error && self.single(scene) { SUB_PASSES } else { 1 };
+        let Some(memory) = self.memory else { return Ok(parts) };
+        let (layers, several) = self.film_of(scene, parts);
+        let film = |several| Film::bytes(scene.film.width, scene.film.height, layers, several);
+        let fixed = PROGRAM_BYTES + densities(scene);
+        let bytes = |parts: u64| fixed + film(several || parts > 1) + photons.div_ceil(parts) * PHOTON_BYTES;
+        if bytes(parts as u64) <= memory {
+            return Ok(parts);
+        }
+        let rest = memory.saturating_sub(fixed + film(true));
+        let needed = (photons * PHOTON_BYTES).div_ceil(rest.max(1));
+        let most = (photons / FEWEST_PHOTONS).max(1);
+        if needed > most {
+            return Err(Error::Limit(format!(
+                "{} of memory are not enough: the image takes {}, the least part of {photons} photons {}, densities and program {}; allow {}, or make a smaller image, or one without film.layers",
+                size(memory),
+                size(film(true)),
+                size(photons.min(FEWEST_PHOTONS) * PHOTON_BYTES),
+                size(fixed),
+                size(bytes(most)),
+            )));
+        }
+        Ok(parts.max(needed as u32))
+    }
+}
+
+/// Bytes of all grids.
+fn densities(scene: &Scene) -> u64 {
+    let grids = scene.media.iter().filter_map(|medium| match &medium.density {
+        Density::Grid(grid) => Some(grid.voxels()),
+        _ => None,
+    });
+    let mut seen: Vec<_> = Vec::new();
+    let mut bytes = 0;
+    for voxels in grids {
+        if !seen.iter().any(|other| std::sync::Arc::ptr_eq(voxels, other)) {
+            bytes += voxels.bytes() as u64;
+            seen.push(voxels.clone());
+        }
+    }
+    bytes
+}
+
+/// A number of bytes in words.
+fn size(bytes: u64) -> String {
+    let mib = bytes as f64 / (1u64 << 20) as f64;
+    if mib < 1024.0 { format!("{mib:.1} MiB") } else { format!("{:.1} GiB", mib / 1024.0) }
+}

@@ -1,0 +1,183 @@
+//! Glowing media as lights.
+
+use rayon::prelude::*;
+
+use super::{Inside, Scene};
+use crate::math::random::Purpose;
+use crate::math::{Bounds, DVec3, Ray, Rgb, Stream, sampling};
+use crate::medium::density::Density;
+
+/// A glowing medium that has an end, in a box: points are drawn from cells in proportion to what was found there, for
+/// photons to what it sends out, for those who ask for light to what of that leaves the box besides.
+#[derive(Debug)]
+pub struct Glow {
+    /// The medium: an index into [`Scene::media`].
+    pub medium: u32,
+    bounds: Bounds,
+    /// Cells along each edge of the box.
+    cells: usize,
+    sent: Cells,
+    leaving: Cells,
+    /// An estimate of its power.
+    power: f64,
+}
+
+/// Running sums of the cells' shares, x fastest, ending in 1.
+#[derive(Debug)]
+struct Cells(Vec<f64>);
+
+/// Cells along each edge of the box of voxels, whose flames may be thin.
+const CELLS_OF_VOXELS: usize = 64;
+/// Cells along each edge of the box of another medium.
+const CELLS: usize = 24;
+/// Points tried in each cell, one in each of its octants.
+const TRIES: usize = 8;
+/// The share of points drawn evenly over the box, so that no place is missed.
+const EVEN: f64 = 0.1;
+/// Of the points for those who ask, the share drawn from what leaves the box.
+const LEAVING: f64 = 0.6;
+
+impl Cells {
+    /// By weights that are not all 0.
+    fn new(weights: impl Iterator<Item = f64>) -> Self {
+        let mut sum = 0.0;
+        let mut cumulative: Vec<f64> = weights
+            .map(|weight| {
+                sum += weight;
+                sum
+            })
+            .collect();
+        let cells = cumulative.len() as f64;
+        for (cell, share) in cumulative.iter_mut().enumerate() {
+            *share = (1.0 - EVEN) * *share / sum + EVEN * (cell + 1) as f64 / cells;
+        }
+        Cells(cumulative)
+    }
+
+    fn draw(&self, u: f64) -> usize {
+        self.0.partition_point(|&sum| sum <= u).min(self.0.len() - 1)
+    }
+
+    fn share(&self, cell: usize) -> f64 {
+        self.0[cell] - if cell == 0 { 0.0 } else { self.0[cell - 1] }
+    }
+}
+
+impl Glow {
+    /// All of a scene.
+    pub(super) fn all(scene: &Scene) -> Vec<Glow> {
+        let media = (0..).zip(&scene.media).filter(|(_, medium)| medium.glows());
+        media.filter_map(|(index, _)| Glow::new(scene, index)).collect()
+    }
+
+    /// `None` where the medium is nowhere, or has no end.
+    fn new(scene: &Scene, medium: u32) -> Option<Glow> {
+        let support = scene.media[medium as usize].density.support();
+        let mut bounds = Bounds::EMPTY;
+        if scene.world == Some(medium) {
+            bounds = support;
+        }
+        for solid in scene.solids.iter().filter(|solid| solid.medium == Some(medium)) {
+            bounds = bounds.union(scene.geometry.bounds(solid.shape).intersection(support));
+        }
+        if bounds.is_empty() || !bounds.size().is_finite() {
+            return None;
+        }
+        let cells = match scene.media[medium as usize].density {
+            Density::Grid(_) => CELLS_OF_VOXELS,
+            _ => CELLS,
+        };
+        let none = || Cells(Vec::new());
+        let mut glow = Glow { medium, bounds, cells, sent: none(), leaving: none(), power: 0.0 };
+        // What each cell sends out, and what of it leaves the box in a direction drawn at random.
+        let look = |cell: usize| {
+            let mut stream = Stream::new(0, Purpose::Map, medium as u64, cell as u64);
+            let (mut sent, mut last) = (0.0, None);
+            for octant in 0..TRIES {
+                let half = |axis: usize| 0.5 * (octant >> axis & 1) as f64;
+                let p = glow.point_in(cell, std::array::from_fn(|axis| half(axis) + 0.5 * stream.uniform()));
+                if let Some((radiated, _)) = glow.radiated(scene, p) {
+                    sent += radiated.element_sum();
+                    last = Some((p, radiated));
+                }
+            }
+            let Some((p, radiated)) = last.filter(|_| sent > 0.0) else { return (0.0, 0.0) };
+            let ray = Ray::new(p, sampling::sphere(stream.uniform2()).normalize());
+            let passed = (radiated * glow.transmittance(scene, &ray)).element_sum() / radiated.element_sum();
+            (sent, if passed > 0.0 { sent * passed } else { 0.0 })
+        };
+        let found: Vec<(f64, f64)> = (0..cells.pow(3)).into_par_iter().map(look).collect();
+        let [sent, leaving] = [found.iter().map(|f| f.0).sum::<f64>(), found.iter().map(|f| f.1).sum::<f64>()];
+        if sent <= 0.0 {
+            return None;
+        }
+        glow.sent = Cells::new(found.iter().map(|f| f.0));
+        let scale = if leaving > 0.0 { LEAVING / (1.0 - LEAVING) * sent / leaving } else { 0.0 };
+        glow.leaving = Cells::new(found.iter().map(|f| f.0 + scale * f.1));
+        glow.power = 4.0 * std::f64::consts::PI * sent / TRIES as f64 * glow.cell_volume();
+        Some(glow)
+    }
+
+    /// Of the medium itself, as if it filled its box.
+    fn transmittance(&self, scene: &Scene, ray: &Ray) -> Rgb {
+        let medium = &scene.media[self.medium as usize];
+        let (_, end) = self.bounds.clip(ray, 0.0, f64::INFINITY).unwrap_or((0.0, 0.0));
+        medium.transmittance(medium.density.depth(ray, 0.0, end))
+    }
+
+    /// About the power it sends out, all channels together, before it is absorbed on its way.
+    pub fn power(&self) -> f64 {
+        self.power
+    }
+
+    fn cell_volume(&self) -> f64 {
+        (self.bounds.size() / self.cells as f64).element_product()
+    }
+
+    fn point_in(&self, cell: usize, u: [f64; 3]) -> DVec3 {
+        let n = self.cells;
+        let index = DVec3::new((cell % n) as f64, (cell / n % n) as f64, (cell / n / n) as f64);
+        self.bounds.min + (index + DVec3::from_array(u)) / n as f64 * self.bounds.size()
+    }
+
+    /// σ_a L_e at `p`, radiance per length, and the solids around; `None` outside of the medium.
+    pub fn radiated(&self, scene: &Scene, p: DVec3) -> Option<(Rgb, Inside)> {
+        let medium = &scene.media[self.medium as usize];
+        let density = medium.density.at(p);
+        if density <= 0.0 {
+            return None;
+        }
+        let inside = scene.inside(p);
+        (scene.medium(&inside) == Some(self.medium)).then(|| (medium.emitted(p) * density, inside))
+    }
+
+    /// Draws a point for those who ask for light, as [`Glow::draw`] does for photons.
+    pub fn draw_leaving(&self, stream: &mut Stream) -> (DVec3, f64) {
+        self.draw_from(&self.leaving, stream)
+    }
+
+    /// Draws a point for a photon, perhaps outside of the medium, and tells the density per volume with which it was
+    /// drawn.
+    pub fn draw(&self, stream: &mut Stream) -> (DVec3, f64) {
+        self.draw_from(&self.sent, stream)
+    }
+
+    fn draw_from(&self, cells: &Cells, stream: &mut Stream) -> (DVec3, f64) {
+        let cell = cells.draw(stream.uniform());
+        let point = self.point_in(cell, std::array::from_fn(|_| stream.uniform()));
+        (point, cells.share(cell) / self.cell_volume())
+    }
+
+    /// The density per volume with which [`Glow::draw_leaving`] draws `p`.
+    pub fn density(&self, p: DVec3) -> f64 {
+        let n = self.cells;
+        let place = (p - self.bounds.min) / self.bounds.size() * n as f64;
+        let [x, y, z] = place.to_array().map(|x| (x.max(0.0) as usize).min(n - 1));
+        self.leaving.share((z * n + y) * n + x) / self.cell_volume()
+    }
+
+    /// The longest edge of its box.
+    pub fn extent(&self) -> f64 {
+        self.bounds.size().max_element()
+    }
+}
