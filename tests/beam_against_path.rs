@@ -30,7 +30,7 @@ impl Case {
             images(seeds, &text, &["render.method=photon", &samples, &count])
         };
         let few = photons(self.photons, 16);
-        let many = photons(16 * self.photons, 16);
+        let many = photons(16 * self.photons, 24);
         // All channels together; each alone is noisier.
         let grey = |images: &[Image]| Estimate::over(images, |image| [image.mean(); 3]);
         checks.agree("many photons", &grey(&many), &grey(&path), 0.01, self.bias);

@@ -332,7 +332,7 @@ fn slabs_by_photons() {
     let mut checks = Checks::default();
     for case in cases() {
         for transmitted in [false, true] {
-            let found = Estimate::of(32, &column(&case.row, transmitted, 128, 30_000), &[]);
+            let found = Estimate::of(80, &column(&case.row, transmitted, 64, 30_000), &[]);
             check(&mut checks, &case, transmitted, &found, [0.025, 0.05]);
         }
     }
