@@ -248,7 +248,7 @@ pub(super) fn add_block<L: Lanes>(
     if bits == 0 {
         return;
     }
-    let [c0, c1, c2] = map.profile.polynomial();
+    let [c0, c1, c2] = map.shape;
     let shape = q.mul_add(q.mul_add(L::splat(c2), L::splat(c1)), L::splat(c0));
     let mut factor = shape.mul(phase.values(&load3::<L>(&block.direction)));
     for wall in map.walls(index) {

@@ -163,6 +163,8 @@ pub struct PhotonMap {
     pub(crate) boxes: bool,
     pub(crate) isa: Isa,
     pub(crate) profile: Profile,
+    /// [`Profile::polynomial`].
+    pub(crate) shape: [f32; 3],
     photons: usize,
     rejected: usize,
     radii: Radii,
@@ -216,6 +218,7 @@ impl PhotonMap {
             boxes: f64::from(summary.mean) < BOXES_BELOW * size,
             isa,
             profile: settings.profile,
+            shape: settings.profile.polynomial(),
             photons: count,
             rejected: given - count,
             radii: summary,
