@@ -7,7 +7,7 @@ use crate::math::{DVec3, Frame, Vec3};
 use crate::photon::discs::{LEAF, STACK};
 use crate::photon::kernel::Profile;
 use crate::photon::map::{PhotonMap, WallLayer};
-use crate::photon::simd::{LANES, Lanes, Row, Task, at_most, prefetch};
+use crate::photon::simd::{LANES, Lanes, Row, Task, at_most, dot_plus, load3, prefetch, splat3};
 use std::f64::consts::LOG2_E;
 
 /// A segment of a ray from the eye through one medium.
@@ -86,7 +86,7 @@ impl PhotonMap {
         if self.is_empty() {
             return Gathered::default();
         }
-        let exponents = query.extinction.to_array().map(|sigma| (-f64::from(sigma) * LOG2_E) as f32);
+        let exponents = exponents(query.extinction);
         let grey = exponents[0] == exponents[1] && exponents[0] == exponents[2];
         match query.depth {
             None if grey => self.gather_kind(query, phase, Grey(exponents[0]), stats),
@@ -107,6 +107,11 @@ impl PhotonMap {
         let scaled = |sum: [f64; 3]| sum.map(|x| (x * constant) as f32);
         Gathered { total: scaled(sums.total), single: scaled(sums.single) }
     }
+}
+
+/// −σ log₂e, by channel.
+pub(super) fn exponents(extinction: Vec3) -> [f32; 3] {
+    (extinction.as_dvec3() * -LOG2_E).as_vec3().to_array()
 }
 
 /// Transmittance from the segment's start, times a factor, for each channel.
@@ -350,22 +355,6 @@ impl<P: Evaluate, T: Transmit> Task for Gather<'_, P, T> {
         }
         sums
     }
-}
-
-#[inline(always)]
-fn splat3<L: Lanes>(v: [f32; 3]) -> [L; 3] {
-    [L::splat(v[0]), L::splat(v[1]), L::splat(v[2])]
-}
-
-#[inline(always)]
-fn load3<L: Lanes>(rows: &[Row; 3]) -> [L; 3] {
-    [L::load(&rows[0]), L::load(&rows[1]), L::load(&rows[2])]
-}
-
-/// `x·v + offset`
-#[inline(always)]
-fn dot_plus<L: Lanes>(x: &[L; 3], v: &[L; 3], offset: L) -> L {
-    x[0].mul_add(v[0], x[1].mul_add(v[1], x[2].mul_add(v[2], offset)))
 }
 
 impl<L: Lanes> RayLanes<L> {

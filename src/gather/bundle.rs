@@ -13,7 +13,7 @@
     reason = "iterators' closures need not be inlined into a kernel's instruction set"
 )]
 
-use super::beam::{BeamQuery, GatherStats, Gathered};
+use super::beam::{BeamQuery, GatherStats, Gathered, exponents};
 use super::depth::DepthTable;
 use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Sum};
 use super::sampled::{Sampled, SampledDepths, Samples, TransmittanceTable};
@@ -21,8 +21,7 @@ use crate::math::{DVec3, Frame, Ray, Vec3};
 use crate::photon::discs::{LEAF, STACK};
 use crate::photon::kernel::{Profile, inverse_biweight_share};
 use crate::photon::map::PhotonMap;
-use crate::photon::simd::{LANES, Lanes, Row, Task, at_most, prefetch};
-use std::f64::consts::LOG2_E;
+use crate::photon::simd::{LANES, Lanes, Row, Task, at_most, dot_plus, load3, prefetch, splat3};
 
 /// Rays that gather together: in one medium, from one map.
 #[derive(Clone, Copy, Debug)]
@@ -343,11 +342,6 @@ impl PhotonMap {
     }
 }
 
-/// −σ log₂e
-fn exponents(extinction: Vec3) -> [f32; 3] {
-    (extinction.as_dvec3() * -LOG2_E).as_vec3().to_array()
-}
-
 /// The factor that [`Evaluate`] leaves out.
 fn phase_constant(phase: &PhaseLanes) -> f64 {
     match &phase.0 {
@@ -562,17 +556,6 @@ impl Cone {
     }
 }
 
-#[inline(always)]
-fn splat3<L: Lanes>(v: [f32; 3]) -> [L; 3] {
-    [L::splat(v[0]), L::splat(v[1]), L::splat(v[2])]
-}
-
-/// `x·v + offset`
-#[inline(always)]
-fn dot_plus<L: Lanes>(x: &[L; 3], v: &[L; 3], offset: L) -> L {
-    x[0].mul_add(v[0], x[1].mul_add(v[1], x[2].mul_add(v[2], offset)))
-}
-
 /// A cone in lanes.
 struct AroundLanes<L> {
     offset: [L; 2],
@@ -667,7 +650,7 @@ impl<F: FnMut(usize, &mut Near)> Task for Collect<'_, F> {
             waiting -= 1;
             let node = &map.nodes[stack[waiting] as usize];
             *nodes += 1;
-            let center = [L::load(&node.center[0]), L::load(&node.center[1]), L::load(&node.center[2])];
+            let center = load3(&node.center);
             let hit = cone.meets(&center, L::load(&node.radius));
             let leaves = node.leaves();
             let (mut blocks, inner) = (hit & leaves, hit & !leaves);
@@ -684,7 +667,7 @@ impl<F: FnMut(usize, &mut Near)> Task for Collect<'_, F> {
                     prefetch(&map.blocks[(node.children[blocks.trailing_zeros() as usize] & !LEAF) as usize]);
                 }
                 let block = &map.blocks[index];
-                let x = [L::load(&block.position[0]), L::load(&block.position[1]), L::load(&block.position[2])];
+                let x = load3(&block.position);
                 let inverse_square = L::load(&block.inverse_square);
                 let mut bits = cone.meets(&x, inverse_square.rsqrt());
                 let mut first_events = 0;
@@ -926,10 +909,10 @@ impl<L: Lanes> Rays<L> {
 
     /// The kernel's shape times how phase function and transmittance vary.
     #[inline(always)]
-    fn weight<const EVEN: bool>(&self, q: L, photon: &Spread<L>) -> L {
+    fn weight<P: Evaluate>(&self, q: L, photon: &Spread<L>) -> L {
         let [x, y, z] = photon.change;
         let d = x.mul_add(self.slope[0], y.mul_add(self.slope[1], z.mul(self.bend)));
-        let varied = if EVEN { d.mul_add(L::splat(-1.5), L::splat(1.0)) } else { series(d) };
+        let varied = if P::EVEN { d.mul_add(L::splat(-1.5), L::splat(1.0)) } else { series(d) };
         q.mul(q).mul(varied)
     }
 }
@@ -1012,11 +995,7 @@ fn evaluate_dense<L: Lanes, P: Evaluate, const PINHOLE: bool>(
         let photon = chunk.spread::<L>(index);
         for vector in 0..VECTORS {
             let q = rays[vector].inside(&rays[vector].aside::<PINHOLE>(&photon), &photon);
-            let weight = if P::EVEN {
-                rays[vector].weight::<true>(q, &photon)
-            } else {
-                rays[vector].weight::<false>(q, &photon)
-            };
+            let weight = rays[vector].weight::<P>(q, &photon);
             accumulate(&mut sums[vector], weight, &photon);
             met += u64::from(L::bits(L::splat(0.0).less(q)).count_ones());
         }
@@ -1042,7 +1021,7 @@ fn evaluate_listed<L: Lanes, P: Evaluate, const PINHOLE: bool>(
         for &index in &lists[vector][..counts[vector]] {
             let photon = chunk.spread::<L>(index as usize);
             let q = rays.inside(&rays.aside::<PINHOLE>(&photon), &photon);
-            let weight = if P::EVEN { rays.weight::<true>(q, &photon) } else { rays.weight::<false>(q, &photon) };
+            let weight = rays.weight::<P>(q, &photon);
             accumulate(&mut sums, weight, &photon);
             met += u64::from(L::bits(L::splat(0.0).less(q)).count_ones());
         }
@@ -1078,7 +1057,7 @@ fn evaluate_carefully<L: Lanes, P: Evaluate>(
             // The foot point lies nearer to where the ray leans.
             let foot = aside[0].mul_add(rays.slope[0], aside[1].mul_add(rays.slope[1], photon.place[2]));
             let mut mask = L::and(zero.less(q), L::and(start.less(foot), foot.less(end)));
-            let mut weight = if P::EVEN { rays.weight::<true>(q, &photon) } else { rays.weight::<false>(q, &photon) };
+            let mut weight = rays.weight::<P>(q, &photon);
             let index = index as usize % CHUNK;
             let of = |field: usize| L::splat(chunk.fields[field][index]);
             let inverse = of(10);

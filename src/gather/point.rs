@@ -9,7 +9,7 @@ use crate::math::{DVec3, Rgb, Stream, Vec3};
 use crate::medium::Medium;
 use crate::medium::density::Density;
 use crate::photon::kernel::{Biweight, Constant, Epanechnikov, Profile, Shape};
-use crate::photon::simd::{Lanes, Row, Task, at_most, prefetch};
+use crate::photon::simd::{Lanes, Task, at_most, load3, prefetch};
 use crate::photon::{Plane, PointMap, PointMemory};
 use smallvec::SmallVec;
 
@@ -176,11 +176,6 @@ impl<P: Evaluate, S: Shape> Task for Gather<'_, P, S> {
         }
         sums
     }
-}
-
-#[inline(always)]
-fn load3<L: Lanes>(rows: &[Row; 3]) -> [L; 3] {
-    [L::load(&rows[0]), L::load(&rows[1]), L::load(&rows[2])]
 }
 
 /// One point map for each region, and how rays are marched through each medium.

@@ -1,7 +1,7 @@
 //! Beam queries of many rays that have nothing in common: they go through the hierarchy together, depth first,
 //! so that every node and every photon is fetched once for all rays that need it.
 
-use super::beam::{Coloured, Found, Grey, RayFrame, Slabs, Transmit, add_block};
+use super::beam::{Coloured, Found, Grey, RayFrame, Slabs, Transmit, add_block, exponents};
 use super::bundle::Bundle;
 use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, Sum};
 use super::{GatherStats, Gathered};
@@ -9,7 +9,6 @@ use crate::math::DVec3;
 use crate::photon::discs::LEAF;
 use crate::photon::map::PhotonMap;
 use crate::photon::simd::{LANES, Lanes, Task, prefetch};
-use std::f64::consts::LOG2_E;
 
 /// Rays that go together: their sums and frames stay in the second cache.
 const BATCH: usize = 8192;
@@ -63,7 +62,7 @@ impl PhotonMap {
             out.resize(bundle.rays.len(), Gathered::default());
             return;
         }
-        let exponents = (bundle.extinction.as_dvec3() * -LOG2_E).as_vec3().to_array();
+        let exponents = exponents(bundle.extinction);
         let grey = exponents[0] == exponents[1] && exponents[0] == exponents[2];
         let mut prepared = Vec::with_capacity(bundle.rays.len().min(BATCH));
         for rays in bundle.rays.chunks(BATCH) {

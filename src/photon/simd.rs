@@ -167,6 +167,24 @@ fn exp2_fraction<L: Lanes>(f: L) -> L {
     p.mul_add(f, L::splat(1.0))
 }
 
+/// A vector, the same in every lane.
+#[inline(always)]
+pub(crate) fn splat3<L: Lanes>(v: [f32; 3]) -> [L; 3] {
+    [L::splat(v[0]), L::splat(v[1]), L::splat(v[2])]
+}
+
+/// Vectors, one a lane.
+#[inline(always)]
+pub(crate) fn load3<L: Lanes>(rows: &[Row; 3]) -> [L; 3] {
+    [L::load(&rows[0]), L::load(&rows[1]), L::load(&rows[2])]
+}
+
+/// `x·v + offset`
+#[inline(always)]
+pub(crate) fn dot_plus<L: Lanes>(x: &[L; 3], v: &[L; 3], offset: L) -> L {
+    x[0].mul_add(v[0], x[1].mul_add(v[1], x[2].mul_add(v[2], offset)))
+}
+
 /// Bit `i` tells whether `values[i] ≤ limit`.
 #[inline(always)]
 pub(crate) fn at_most(values: &[u8; LANES], limit: u8) -> u16 {
