@@ -8,6 +8,7 @@ use volpm::photon::Disc;
 /// The photons of one ray, by field: position, 1/r², direction, power. Padded to whole vectors.
 pub struct List {
     fields: [Vec<f32>; 10],
+    len: usize,
 }
 
 /// A ray, ω and two directions across it, and what is to be added to a place's coordinates along them.
@@ -44,16 +45,16 @@ impl List {
             let values = [x.x, x.y, x.z, inverse_square, d.x, d.y, d.z, power.x, power.y, power.z];
             fields.iter_mut().zip(values).for_each(|(field, value)| field.push(value));
         }
-        let padded = fields[0].len().next_multiple_of(WIDTH);
+        let len = fields[0].len();
         for field in &mut fields {
-            field.resize(padded, 0.0);
+            field.resize(len.next_multiple_of(WIDTH), 0.0);
         }
-        List { fields }
+        List { fields, len }
     }
 
-    /// Photons, padding included.
+    /// Photons, padding left out.
     pub fn len(&self) -> usize {
-        self.fields[0].len()
+        self.len
     }
 
     /// Radiance in a homogeneous grey medium under Henyey and Greenstein's phase function, along a ray with two
@@ -90,19 +91,20 @@ mod avx512 {
 
     #[target_feature(enable = "avx512f")]
     pub fn evaluate(fields: &[Vec<f32>; 10], ray: &Prepared, sigma: f32, g: f32) -> Vec3 {
-        let [omega, u, v] = ray.axes.map(|axis| splat3(axis));
-        let offsets = ray.offsets.map(|offset| _mm512_set1_ps(offset));
+        let (omega, u, v) = (splat3(ray.axes[0]), splat3(ray.axes[1]), splat3(ray.axes[2]));
+        let [t0, a0, b0] = ray.offsets;
+        let (t0, a0, b0) = (_mm512_set1_ps(t0), _mm512_set1_ps(a0), _mm512_set1_ps(b0));
         let exponent = _mm512_set1_ps(-sigma * std::f32::consts::LOG2_E);
         let (base, slope) = (_mm512_set1_ps(1.0 + g * g), _mm512_set1_ps(2.0 * g));
         let (zero, one) = (_mm512_setzero_ps(), _mm512_set1_ps(1.0));
-        let mut sums = [zero; 3];
+        let (mut red, mut green, mut blue) = (zero, zero, zero);
         for at in (0..fields[0].len()).step_by(WIDTH) {
             // SAFETY: every field has a whole vector there.
-            let load = |field: usize| unsafe { _mm512_loadu_ps(fields[field][at..at + WIDTH].as_ptr()) };
+            let load = |field: usize| unsafe { _mm512_loadu_ps(fields[field].as_ptr().add(at)) };
             let x = [load(0), load(1), load(2)];
-            let t = dot(x, omega, offsets[0]);
-            let a = dot(x, u, offsets[1]);
-            let b = dot(x, v, offsets[2]);
+            let t = dot(x, omega, t0);
+            let a = dot(x, u, a0);
+            let b = dot(x, v, b0);
             let q = _mm512_fnmadd_ps(_mm512_fmadd_ps(a, a, _mm512_mul_ps(b, b)), load(3), one);
             let met = _mm512_cmp_ps_mask::<_CMP_LT_OQ>(zero, q) & _mm512_cmp_ps_mask::<_CMP_LT_OQ>(zero, t);
             let base = _mm512_fmadd_ps(dot([load(4), load(5), load(6)], omega, zero), slope, base);
@@ -113,17 +115,17 @@ mod avx512 {
             let n = _mm512_roundscale_ps::<8>(exponents);
             let f = _mm512_sub_ps(exponents, n);
             let mut p = _mm512_set1_ps(EXP2[5]);
-            for coefficient in EXP2[..5].iter().rev() {
-                p = _mm512_fmadd_ps(p, f, _mm512_set1_ps(*coefficient));
+            for index in (0..5).rev() {
+                p = _mm512_fmadd_ps(p, f, _mm512_set1_ps(EXP2[index]));
             }
             let passed = _mm512_scalef_ps(_mm512_fmadd_ps(p, f, one), n);
             let weight = _mm512_mul_ps(_mm512_mul_ps(q, q), _mm512_mul_ps(_mm512_mul_ps(y, y), y));
             let weight = _mm512_maskz_mul_ps(met, weight, passed);
-            for (sum, channel) in sums.iter_mut().zip(7..) {
-                *sum = _mm512_fmadd_ps(weight, load(channel), *sum);
-            }
+            red = _mm512_fmadd_ps(weight, load(7), red);
+            green = _mm512_fmadd_ps(weight, load(8), green);
+            blue = _mm512_fmadd_ps(weight, load(9), blue);
         }
         let scale = (1.0 - g * g) * 0.25 * std::f32::consts::FRAC_1_PI;
-        Vec3::from_array(sums.map(|sum| _mm512_reduce_add_ps(sum))) * scale
+        Vec3::new(_mm512_reduce_add_ps(red), _mm512_reduce_add_ps(green), _mm512_reduce_add_ps(blue)) * scale
     }
 }
