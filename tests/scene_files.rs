@@ -299,7 +299,7 @@ fn a_camera_is_enough() {
     assert_eq!((scene.camera.up, scene.camera.fov, scene.camera.focus_distance), (DVec3::Y, 40.0, 4.0));
     assert_eq!(scene.render, Render { method: Method::Photon, samples: 16, passes: 1, seed: 1, max_depth: 0 });
     assert_eq!((scene.volume.kernel, scene.volume.estimate), (Kernel::Variable, Estimate::Beam));
-    assert_eq!(scene.volume.march, March { step: Step::Exponential, size: None, contrast: 0.5 });
+    assert_eq!(scene.volume.march, Some(March { step: Step::Exponential, size: None, contrast: 0.5 }));
     assert_eq!((scene.photons.volume, scene.photons.max_emitted), (None, 50_000_000));
     assert!(scene.warnings[0].contains("nothing gives light"), "{:?}", scene.warnings);
 }

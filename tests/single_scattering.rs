@@ -21,6 +21,11 @@ fn of(text: &str, seeds: u32, samples: u32, overrides: &[&str]) -> Estimate {
     grey(&images(seeds, &format!("{FILM}{text}"), &[overrides, &[&samples]].concat()))
 }
 
+/// What makes light scattered once be traced at every place of a march.
+fn march(step: &str, size: f64) -> [String; 2] {
+    [format!("volume.march.step={step}"), format!("volume.march.size={size}")]
+}
+
 /// Fog with a wide lamp, seen directly and by way of diffuse walls.
 const ROOM: &str = r#"
 [camera]
@@ -69,6 +74,12 @@ fn fog_with_a_lamp() {
     let path = of(ROOM, 16, 900, &[PATH, "render.max_depth=1"]);
     let traced = of(ROOM, 16, 400, &[PHOTON, TRACED, "render.max_depth=1"]);
     checks.agree("one event", &traced, &path, 0.003, 0.0);
+    for step in ["uniform", "adaptive", "exponential"] {
+        let [step_is, size_is] = march(step, 0.5);
+        let set = [PHOTON, TRACED, "render.max_depth=1", &step_is, &size_is];
+        let marched = of(ROOM, 16, 100, &set);
+        checks.agree(&format!("one event, {step} steps"), &marched, &path, 0.003, 0.0);
+    }
     let text = format!("{ROOM}{MIRROR}");
     let seen_twice = ["materials.wall.reflectance=0", "render.max_depth=2"];
     let path = of(&text, 16, 900, &[&seen_twice[..], &[PATH]].concat());
@@ -121,6 +132,12 @@ intensity = 10
     let path = of(text, 16, 400, &[PATH, "render.max_depth=1"]);
     let traced = of(text, 16, 400, &[PHOTON, TRACED, "render.max_depth=1"]);
     checks.agree("one event", &traced, &path, 0.003, 0.0);
+    for step in ["uniform", "adaptive", "exponential"] {
+        let [step_is, size_is] = march(step, 0.4);
+        let set = [PHOTON, TRACED, "render.max_depth=1", &step_is, &size_is];
+        let marched = of(text, 16, 100, &set);
+        checks.agree(&format!("one event, {step} steps"), &marched, &path, 0.003, 0.0);
+    }
     let path = of(text, 16, 400, &[PATH]);
     let traced = of(text, 16, 36, &[PHOTON, TRACED, "photons.volume=100_000"]);
     checks.agree("all light", &traced, &path, 0.004, 0.01);

@@ -10,11 +10,16 @@
 mod floor;
 mod paper;
 
-use glam::{DVec3, Vec3};
+use glam::{DAffine3, DVec3, Vec3};
+use std::sync::Arc;
 use std::time::Instant;
-use volpm::gather::{BeamQuery, Bundle, BundleScratch, DepthTable, GatherStats, Lobe, PhaseLanes, StreamScratch};
+use volpm::gather::{
+    BeamQuery, Bundle, BundleScratch, DepthTable, GatherStats, Lobe, PhaseLanes, SampledDepths, Samples, StreamScratch,
+};
 use volpm::math::random::{Purpose, Stream};
 use volpm::math::{Frame, Ray, sampling};
+use volpm::medium::density::bricks::{BrickGrid, NegativePolicy};
+use volpm::medium::density::{Density, Grid};
 use volpm::photon::{Disc, MapSettings, Photon, PhotonMap, Radius};
 
 const SIGMA: f32 = 0.4;
@@ -165,6 +170,56 @@ fn measure_bundles(name: &str, map: &PhotonMap, rays: &[Ray], template: &BeamQue
     );
 }
 
+/// The same in a grid of uneven density, 64 voxels along each edge of the cube: with its depths sampled already, and
+/// with the time that takes.
+fn measure_grid(map: &PhotonMap, rays: &[Ray], template: &BeamQuery) {
+    const VOXELS: usize = 64;
+    let width = 5.0 / VOXELS as f64;
+    let value =
+        |i: usize| 0.75 + 0.5 * ((i % VOXELS / 8 + i / VOXELS % VOXELS / 8 + i / VOXELS / VOXELS / 8) % 2) as f32;
+    let values: Vec<f32> = (0..VOXELS.pow(3)).map(value).collect();
+    let corner = [-(VOXELS as i32) / 2; 3];
+    let bricks = BrickGrid::from_dense(corner, [VOXELS; 3], &values, 0.0, NegativePolicy::Error).expect("finite");
+    let density = Density::Grid(Grid::new(Arc::new(bricks), DAffine3::from_scale(DVec3::splat(width))));
+    let mut scratch = BundleScratch::default();
+    let (mut out, mut stats) = (Vec::new(), GatherStats::default());
+    let (mut best, mut best_with) = (f64::INFINITY, f64::INFINITY);
+    for _ in 0..5 {
+        stats = GatherStats::default();
+        let (mut sampling, mut gathering) = (0.0, 0.0);
+        for rays in rays.chunks(256) {
+            let reaches: Vec<(Ray, f64, f64)> = rays.iter().map(|ray| (*ray, 0.0, 7.5)).collect();
+            let mut depths = SampledDepths::default();
+            let start = seconds();
+            let sample = |(ray, a, b): &(Ray, f64, f64)| {
+                let most = 0.15 / f64::from(SIGMA);
+                depths.sample(&density, 0.5 * width, ray, (*a, *b), most).expect("smooth enough").0
+            };
+            let samples: Vec<Samples> = reaches.iter().map(sample).collect();
+            let middle = seconds();
+            let bundle = Bundle {
+                rays: &reaches,
+                phase: template.phase,
+                extinction: template.extinction,
+                max_events: template.max_events,
+                depths: Some((&depths, 0.5 * width, &samples)),
+            };
+            map.gather_bundle(&bundle, &mut scratch, &mut stats, &mut out);
+            gathering += seconds() - middle;
+            sampling += middle - start;
+        }
+        best = best.min(gathering);
+        best_with = best_with.min(gathering + sampling);
+    }
+    println!(
+        "  {:34} {:7.3} ns/photon {:9.0} ns/ray   in bundles; {:.3} ns/photon with its depths",
+        "camera, grid",
+        best * 1e9 / stats.photons.max(1) as f64,
+        best * 1e9 / rays.len() as f64,
+        best_with * 1e9 / stats.photons.max(1) as f64,
+    );
+}
+
 /// The same of rays anywhere, in streams of 8192.
 fn measure_streams(name: &str, map: &PhotonMap, rays: &[Ray], template: &BeamQuery) {
     let reaches: Vec<(Ray, f64, f64)> = rays.iter().map(|ray| (*ray, 0.0, f64::from(template.length))).collect();
@@ -305,6 +360,8 @@ fn main() {
     }
     let plain = query(&phases[1].1);
     measure("camera, coloured", &map, &rays, &BeamQuery { extinction: Vec3::new(0.2, 0.4, 0.6), ..plain });
+    measure_bundles("camera, coloured", &map, &rays, &BeamQuery { extinction: Vec3::new(0.2, 0.4, 0.6), ..plain });
+    measure_grid(&map, &rays, &plain);
     measure("camera, tabulated", &map, &rays, &BeamQuery { depth: Some(&table), ..plain });
     measure("anyhow", &map, &anyhow(2000), &plain);
     measure_streams("anyhow", &map, &anyhow(8192), &plain);

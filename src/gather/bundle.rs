@@ -6,7 +6,8 @@
 //! group's axis. What a photon at (a, b, z) contributes is a constant of the group times (1 + d)^{−3/2},
 //! where d, linear in sₓ, s_y and −s²/2, carries the phase function's and the transmittance's dependence
 //! on the ray: exact in the logarithm's first order, and for Henyey and Greenstein's function in all.
-//! The distance from the ray is the offset at the photon's own z. Both are wrong by the order of s².
+//! The distance from the ray is the offset at the photon's own z, wrong by the order of s²; that order is added where
+//! few photons are met.
 
 #![allow(
     clippy::needless_range_loop,
@@ -195,12 +196,16 @@ impl Vector {
 }
 
 /// A cone, its spread growing from z = 0 in both directions.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 struct Around {
     offset: [f32; 2],
     slope: [f32; 2],
     spread: f32,
     widening: f32,
+}
+
+impl Around {
+    const AXIS: Around = Around { offset: [0.0; 2], slope: [0.0; 2], spread: 0.0, widening: 0.0 };
 }
 
 /// Memory reused from bundle to bundle.
@@ -211,6 +216,7 @@ pub struct BundleScratch {
     careful: Chunk,
     lists: Box<[[u32; CHUNK_STRIDE]; VECTORS]>,
     groups: Vec<Group>,
+    lines: Vec<Line>,
     table: DepthTable,
 }
 
@@ -222,6 +228,7 @@ impl Default for BundleScratch {
             careful: Chunk::new(),
             lists: Box::new([[0; CHUNK_STRIDE]; VECTORS]),
             groups: Vec::new(),
+            lines: Vec::new(),
             table: DepthTable::new(),
         }
     }
@@ -244,45 +251,42 @@ impl PhotonMap {
             return;
         }
         let mut groups = std::mem::take(&mut scratch.groups);
-        groups.clear();
-        let mut first = 0;
+        let (mut first, mut used) = (0, 0);
         while first < bundle.rays.len() {
             let most = (bundle.rays.len() - first).min(GROUP);
             // Ever fewer rays, as long as they fill a vector.
             let sizes = [most, most.min(GROUP / 2), most.min(LANES)];
-            let group = match self.profile {
-                Profile::Biweight => sizes.into_iter().find_map(|count| Group::new(self, bundle, first, count)),
-                Profile::Constant | Profile::Epanechnikov => None,
-            };
-            match group {
-                Some(group) => {
-                    first += group.count;
-                    groups.push(group);
+            if used == groups.len() {
+                groups.push(Group::EMPTY);
+            }
+            let group = &mut groups[used];
+            let narrow = self.profile == Profile::Biweight
+                && sizes.into_iter().any(|count| group.set(self, bundle, first, count).is_some());
+            if narrow {
+                first += group.count;
+                used += 1;
+            } else {
+                let end = first + most.min(LANES);
+                for index in first..end {
+                    out[index] = bundle.gather_alone(self, index, &mut scratch.table, stats);
                 }
-                None => {
-                    let end = first + most.min(LANES);
-                    for index in first..end {
-                        out[index] = bundle.gather_alone(self, index, &mut scratch.table, stats);
-                    }
-                    first = end;
-                }
+                first = end;
             }
         }
-        self.serve(bundle, &mut groups, scratch, stats);
+        self.serve(bundle, &mut groups[..used], scratch, stats);
         let constant = phase_constant(bundle.phase);
-        for group in &groups {
+        for group in &groups[..used] {
             stats.queries += group.count as u64;
             for index in 0..group.count {
                 let (vector, lane) = (index / LANES, index % LANES);
-                let sum = |part: usize| -> [f64; 3] {
-                    std::array::from_fn(|c| f64::from(group.sums[part][vector][c].0[lane]) * constant)
-                };
-                let (single, multiple) = (sum(0), sum(1));
-                let factor = group.factor[index];
-                out[group.first + index] = Gathered {
-                    total: std::array::from_fn(|c| ((single[c] + multiple[c]) * factor[c]) as f32),
-                    single: std::array::from_fn(|c| (single[c] * factor[c]) as f32),
-                };
+                let gathered = &mut out[group.first + index];
+                for channel in 0..3 {
+                    let sum = |part: usize| f64::from(group.sums[part][vector][channel].0[lane]);
+                    let (single, multiple) = (sum(0), sum(1));
+                    let factor = group.factor[index][channel] * constant;
+                    gathered.single[channel] = (single * factor) as f32;
+                    gathered.total[channel] = ((single + multiple) * factor) as f32;
+                }
             }
         }
         scratch.groups = groups;
@@ -290,7 +294,7 @@ impl PhotonMap {
 
     /// Gathers for all groups with one walk, or with several if they are far apart.
     fn serve(&self, bundle: &Bundle<'_>, groups: &mut [Group], scratch: &mut BundleScratch, stats: &mut GatherStats) {
-        let Some(cone) = Cone::around(self, bundle, groups) else {
+        let Some(cone) = Cone::around(self, bundle, groups, &mut scratch.lines) else {
             if let [_, _, ..] = groups {
                 let (some, others) = groups.split_at_mut(groups.len() / 2);
                 self.serve(bundle, some, scratch, stats);
@@ -352,6 +356,7 @@ fn phase_constant(phase: &PhaseLanes) -> f64 {
 }
 
 /// A ray in a frame: x = offset + slope·z.
+#[derive(Clone, Copy, Debug)]
 struct Line {
     /// Where its parameter is 0.
     origin: f64,
@@ -362,18 +367,22 @@ struct Line {
 }
 
 impl Line {
+    const AXIS: Line = Line { origin: 0.0, offset: [0.0; 2], slope: [0.0; 2], start: 0.0, end: 0.0 };
+
     /// The slope's square.
     fn square(&self) -> f64 {
         self.slope[0] * self.slope[0] + self.slope[1] * self.slope[1]
     }
 
     /// `None` if the ray is too oblique.
+    #[inline]
     fn new((ray, a, b): &(Ray, f64, f64), frame: &Frame, origin: DVec3) -> Option<Line> {
         let cos = ray.direction.dot(frame.z);
         if cos < 0.5 {
             return None;
         }
-        let slope = [ray.direction.dot(frame.x) / cos, ray.direction.dot(frame.y) / cos];
+        let inverse = 1.0 / cos;
+        let slope = [ray.direction.dot(frame.x) * inverse, ray.direction.dot(frame.y) * inverse];
         let from = ray.origin - origin;
         let z = from.dot(frame.z);
         let offset = [from.dot(frame.x) - z * slope[0], from.dot(frame.y) - z * slope[1]];
@@ -386,25 +395,20 @@ fn bound(x: f64) -> f32 {
     x.clamp(f64::from(-f32::MAX), f64::from(f32::MAX)) as f32
 }
 
-/// The middle of some rays: an axis, and a place on it.
-fn middle<'a>(
-    map: &PhotonMap,
-    rays: impl Iterator<Item = &'a (Ray, f64, f64)> + Clone,
-) -> Option<(Frame, DVec3, bool)> {
-    let mean = rays.clone().fold(DVec3::ZERO, |sum, (ray, ..)| sum + ray.direction);
-    let axis = mean.try_normalize()?;
-    let mut origins = rays.map(|(ray, ..)| ray.origin);
-    let first = origins.next()?;
-    let (mut sum, mut count, mut common) = (first, 1.0, true);
-    for origin in origins {
-        common &= origin == first;
-        sum += origin;
-        count += 1.0;
+/// The middle of some rays: an axis, a place on it, and whether that is the origin of them all.
+fn middle(map: &PhotonMap, rays: &[(Ray, f64, f64)]) -> Option<(Frame, DVec3, bool)> {
+    let first = rays.first()?.0.origin;
+    let (mut direction, mut sum, mut common) = (DVec3::ZERO, DVec3::ZERO, true);
+    for (ray, ..) in rays {
+        direction += ray.direction;
+        sum += ray.origin;
+        common &= ray.origin == first;
     }
+    let axis = direction.try_normalize()?;
     // Single precision wants its origin near the map.
     let bounds = map.bounds();
     let pinhole = common && first.distance(bounds.center()) < 4.0 * bounds.diagonal();
-    let mean = if common { first } else { sum / count };
+    let mean = if common { first } else { sum / rays.len() as f64 };
     let origin = if pinhole { mean } else { mean + axis * (bounds.center() - mean).dot(axis) };
     Some((Frame::around(axis), origin, pinhole))
 }
@@ -444,17 +448,36 @@ fn around(lines: &[Line]) -> Around {
 }
 
 impl Group {
-    /// `None` if the rays are too far apart.
-    fn new(map: &PhotonMap, bundle: &Bundle<'_>, first: usize, count: usize) -> Option<Group> {
+    const EMPTY: Group = Group {
+        first: 0,
+        count: 0,
+        axes: [[0.0; 3]; 3],
+        offset: [0.0; 3],
+        rays: [Vector::EMPTY; VECTORS],
+        around: Around::AXIS,
+        near: [Around::AXIS; VECTORS],
+        any: [0.0; 2],
+        all: [0.0; 2],
+        zero: 0.0,
+        factor: [[0.0; 3]; GROUP],
+        sums: [[[Row([0.0; LANES]); 3]; VECTORS]; 2],
+        pinhole: false,
+        table: None,
+    };
+
+    /// Makes it the group of these rays, its sums zero. `None` if they are too far apart; then it is no group.
+    fn set(&mut self, map: &PhotonMap, bundle: &Bundle<'_>, first: usize, count: usize) -> Option<()> {
         let rays = &bundle.rays[first..first + count];
-        let (frame, origin, pinhole) = middle(map, rays.iter())?;
-        let lines: Option<smallvec::SmallVec<[Line; GROUP]>> =
-            rays.iter().map(|ray| Line::new(ray, &frame, origin)).collect();
-        let lines = lines?;
+        let (frame, origin, pinhole) = middle(map, rays)?;
+        let mut lines = [Line::AXIS; GROUP];
+        for (line, ray) in lines.iter_mut().zip(rays) {
+            *line = Line::new(ray, &frame, origin)?;
+        }
+        let lines = &lines[..count];
         let mut steepest = 0.0f64;
         let (mut zero, mut last) = (f64::INFINITY, f64::NEG_INFINITY);
         let (mut first_end, mut last_end) = (f64::INFINITY, f64::NEG_INFINITY);
-        for line in &lines {
+        for line in lines {
             steepest = steepest.max(line.square());
             zero = zero.min(line.start);
             last = last.max(line.start);
@@ -477,29 +500,20 @@ impl Group {
             return None;
         }
 
-        let mut group = Group {
-            first,
-            count,
-            axes: rows(&frame),
-            offset: offsets(&frame, origin),
-            rays: [Vector::EMPTY; VECTORS],
-            around: around(&lines),
-            near: [Around::default(); VECTORS],
-            any: [bound(zero), bound(last_end)],
-            all: [bound(last), bound(first_end)],
-            zero: bound(zero),
-            factor: [[0.0; 3]; GROUP],
-            sums: [[[Row([0.0; LANES]); 3]; VECTORS]; 2],
-            pinhole,
-            table: None,
-        };
-        for (near, lines) in group.near.iter_mut().zip(lines.chunks(LANES)) {
+        (self.first, self.count, self.pinhole) = (first, count, pinhole);
+        (self.axes, self.offset) = (rows(&frame), offsets(&frame, origin));
+        self.any = [bound(zero), bound(last_end)];
+        self.all = [bound(last), bound(first_end)];
+        self.zero = bound(zero);
+        self.sums = [[[Row([0.0; LANES]); 3]; VECTORS]; 2];
+        self.around = around(lines);
+        for (near, lines) in self.near.iter_mut().zip(lines.chunks(LANES)) {
             *near = around(lines);
         }
-        for (index, factor) in group.factor.iter_mut().enumerate() {
+        for (index, factor) in self.factor.iter_mut().enumerate() {
             // Lanes to spare repeat the last ray.
             let line = &lines[index.min(count - 1)];
-            let vector = &mut group.rays[index / LANES];
+            let vector = &mut self.rays[index / LANES];
             let lane = index % LANES;
             for axis in 0..2 {
                 vector.offset[axis].0[lane] = line.offset[axis] as f32;
@@ -516,13 +530,12 @@ impl Group {
                 *factor = (extinction * saved).map(f64::exp).to_array();
             }
         }
-        if let Some((depths, step, samples)) = bundle.depths {
+        self.table = bundle.depths.map(|(depths, step, samples)| {
             let sampled =
                 (0..count).map(|index| Sampled { samples: samples[first + index], origin: lines[index].origin });
-            let exponents = exponents(bundle.extinction);
-            group.table = Some(TransmittanceTable::new(depths, step, sampled, zero, exponents, map.isa));
-        }
-        Some(group)
+            TransmittanceTable::new(depths, step, sampled, zero, exponents(bundle.extinction), map.isa)
+        });
+        Some(())
     }
 
     fn vectors(&self) -> usize {
@@ -539,19 +552,24 @@ struct Cone {
 }
 
 impl Cone {
-    /// `None` if the rays are too far apart, or there are none.
-    fn around(map: &PhotonMap, bundle: &Bundle<'_>, groups: &[Group]) -> Option<Cone> {
-        let rays = groups.iter().flat_map(|group| &bundle.rays[group.first..group.first + group.count]);
-        let (frame, origin, _) = middle(map, rays.clone())?;
-        let lines: Vec<Line> = rays.map(|ray| Line::new(ray, &frame, origin)).collect::<Option<_>>()?;
-        let around = around(&lines);
-        let first = lines.iter().map(|line| line.start).fold(f64::INFINITY, f64::min);
-        let last = lines.iter().map(|line| line.end).fold(f64::NEG_INFINITY, f64::max);
+    /// `None` if the rays are too far apart, or there are none. Rays between the groups only widen it.
+    fn around(map: &PhotonMap, bundle: &Bundle<'_>, groups: &[Group], lines: &mut Vec<Line>) -> Option<Cone> {
+        let (first, last) = (groups.first()?, groups.last()?);
+        let rays = &bundle.rays[first.first..last.first + last.count];
+        let (frame, origin, _) = middle(map, rays)?;
+        lines.clear();
+        let mut any = [f64::INFINITY, f64::NEG_INFINITY];
+        for ray in rays {
+            let line = Line::new(ray, &frame, origin)?;
+            any = [any[0].min(line.start), any[1].max(line.end)];
+            lines.push(line);
+        }
+        let around = around(lines);
         (f64::from(around.widening) <= WIDE || groups.len() == 1).then(|| Cone {
             axes: rows(&frame),
             offset: offsets(&frame, origin),
             around,
-            any: [bound(first), bound(last)],
+            any: any.map(bound),
         })
     }
 }
@@ -907,6 +925,16 @@ impl<L: Lanes> Rays<L> {
         square.neg_mul_add(photon.inverse_square, L::splat(1.0)).max(L::splat(0.0))
     }
 
+    /// [`Rays::inside`] with what it leaves out: of the offset, what lies along the ray. Where few photons are met,
+    /// the rims of single discs are seen.
+    #[inline(always)]
+    fn inside_closely(&self, aside: &[L; 2], photon: &Spread<L>) -> L {
+        let along = aside[0].mul_add(self.slope[0], aside[1].mul(self.slope[1]));
+        let square = aside[0].mul_add(aside[0], aside[1].mul(aside[1]));
+        let square = along.neg_mul_add(along, square);
+        square.neg_mul_add(photon.inverse_square, L::splat(1.0)).max(L::splat(0.0))
+    }
+
     /// The kernel's shape times how phase function and transmittance vary.
     #[inline(always)]
     fn weight<P: Evaluate>(&self, q: L, photon: &Spread<L>) -> L {
@@ -1020,7 +1048,7 @@ fn evaluate_listed<L: Lanes, P: Evaluate, const PINHOLE: bool>(
         let mut sums = [L::splat(0.0); 3];
         for &index in &lists[vector][..counts[vector]] {
             let photon = chunk.spread::<L>(index as usize);
-            let q = rays.inside(&rays.aside::<PINHOLE>(&photon), &photon);
+            let q = rays.inside_closely(&rays.aside::<PINHOLE>(&photon), &photon);
             let weight = rays.weight::<P>(q, &photon);
             accumulate(&mut sums, weight, &photon);
             met += u64::from(L::bits(L::splat(0.0).less(q)).count_ones());
@@ -1053,7 +1081,7 @@ fn evaluate_carefully<L: Lanes, P: Evaluate>(
         for &index in &lists[vector][..counts[vector]] {
             let photon = chunk.spread::<L>(index as usize);
             let aside = rays.aside::<false>(&photon);
-            let q = rays.inside(&aside, &photon);
+            let q = rays.inside_closely(&aside, &photon);
             // The foot point lies nearer to where the ray leans.
             let foot = aside[0].mul_add(rays.slope[0], aside[1].mul_add(rays.slope[1], photon.place[2]));
             let mut mask = L::and(zero.less(q), L::and(start.less(foot), foot.less(end)));

@@ -5,8 +5,10 @@
 //! the step, wherever the place is, and in any medium the sum is right on average for any size of steps.
 
 use super::DepthTable;
+use super::volume::tabulate;
 use crate::math::{Ray, Rgb, Stream};
 use crate::medium::Medium;
+use crate::medium::density::Density;
 use crate::transport::shares;
 use smallvec::SmallVec;
 
@@ -57,6 +59,36 @@ pub struct Stretch<'a> {
 #[derive(Clone, Debug, Default)]
 pub struct Steps {
     knots: Vec<Knot>,
+}
+
+/// [`Steps`], and a table of depths where the density varies.
+#[derive(Debug, Default)]
+pub struct March {
+    steps: Steps,
+    table: DepthTable,
+}
+
+impl March {
+    /// Marches along a ray from `a` to `b`, both finite, through one medium, depth counted from `from`; see [`Marcher::march`]. `weight`
+    /// is what light at `from` counts, by channel.
+    pub fn along<const N: usize>(
+        &mut self,
+        marcher: &Marcher,
+        (ray, from, a, b): (&Ray, f64, f64, f64),
+        (medium, weight): (&Medium, Rgb),
+        stream: &mut Stream,
+        source: &mut impl FnMut(f64, &mut Stream) -> [Rgb; N],
+    ) -> [Rgb; N] {
+        let depth = match medium.density {
+            Density::Uniform => None,
+            _ => {
+                tabulate(medium, ray, from, b, &mut self.table);
+                Some(&self.table)
+            }
+        };
+        let stretch = Stretch { ray, from, a, b, medium, depth, weight };
+        marcher.march(&stretch, stream, &mut self.steps, source)
+    }
 }
 
 /// A place on the ray: the transmitted share of light, averaged over the channels, and its integral up to there.
@@ -171,6 +203,14 @@ impl Roulette {
 }
 
 impl Marcher {
+    /// About how many places there are per length where this share of light is transmitted.
+    pub fn places(&self, transmitted: f64) -> f64 {
+        match self.stepping {
+            Stepping::Uniform | Stepping::Adaptive { .. } => 1.0 / self.size,
+            Stepping::Exponential => transmitted / self.size,
+        }
+    }
+
     /// ∫ T(t) S(t) dt over a stretch, as seen at its `from`, for quantities S that `source` tells at a place; the
     /// first of them guides adaptive steps.
     pub fn march<const N: usize>(

@@ -1,13 +1,12 @@
 //! The point query: the light scattered at one point, from the photons in a ball around it (Jensen 2001, §10.7;
 //! Jarosz et al. 2008, Eq. 3–4).
 
-use super::march::{Marcher, Steps, Stretch};
+use super::march::{March, Marcher};
 use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Sum};
-use super::volume::{lanes, tabulate};
-use super::{DepthTable, GatherStats, Gathered, Reach};
+use super::volume::lanes;
+use super::{GatherStats, Gathered, Reach};
 use crate::math::{DVec3, Rgb, Stream, Vec3};
 use crate::medium::Medium;
-use crate::medium::density::Density;
 use crate::photon::kernel::{Biweight, Constant, Epanechnikov, Profile, Shape};
 use crate::photon::simd::{Lanes, Task, at_most, load3, prefetch};
 use crate::photon::{Plane, PointMap, PointMemory};
@@ -190,8 +189,8 @@ pub struct PointMaps {
 #[derive(Debug, Default)]
 pub struct Marching {
     memories: Vec<PointMemory>,
-    steps: Steps,
-    table: DepthTable,
+    /// Of the marches themselves.
+    pub march: March,
 }
 
 impl PointMaps {
@@ -222,15 +221,6 @@ impl PointMaps {
             marching.memories.resize_with(region + 1, PointMemory::default);
         }
         let memory = &mut marching.memories[region];
-        let table = &mut marching.table;
-        let depth = match medium.density {
-            Density::Uniform => None,
-            _ => {
-                tabulate(medium, &ray, a, last, table);
-                Some(&*table)
-            }
-        };
-        let stretch = Stretch { ray: &ray, from: a, a: first, b: last, medium, depth, weight };
         let phase = &self.phases[reach.medium as usize];
         let mut source = |t: f64, _: &mut Stream| {
             let query =
@@ -239,7 +229,8 @@ impl PointMaps {
             [total, single]
         };
         let marcher = &self.marchers[reach.medium as usize];
-        let [total, single] = marcher.march(&stretch, stream, &mut marching.steps, &mut source);
+        let line = (&ray, a, first, last);
+        let [total, single] = marching.march.along(marcher, line, (medium, weight), stream, &mut source);
         [single, total - single]
     }
 }

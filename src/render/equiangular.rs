@@ -47,6 +47,12 @@ impl Stretch {
         Stretch { ray: *segment.ray, a: segment.a, b: segment.b, weight, chance: 1.0, reach: 1.0 / extinction }
     }
 
+    /// The same where a collision is certain to be drawn.
+    pub fn certain(&self, medium: &Medium) -> Self {
+        let passed = medium.transmittance(medium.density.depth(&self.ray, self.a, self.b));
+        Stretch { chance: (transport::shares(self.weight) * (Rgb::ONE - passed)).element_sum(), ..self.clone() }
+    }
+
     /// The density per length with which a collision is drawn at `t`.
     pub fn flight_density(&self, medium: &Medium, t: f64) -> f64 {
         transport::flight_density(medium, &self.ray, self.a, t, self.weight) / self.chance

@@ -8,6 +8,7 @@ use std::f64::consts::PI;
 use std::ops::ControlFlow;
 
 use super::equiangular::{self, Stretch};
+use crate::gather::march::Marcher;
 use crate::gather::{self, Gathered, PointMaps, Queue, Reach, VolumeMaps};
 use crate::light::Light;
 use crate::math::random::Spread;
@@ -120,6 +121,8 @@ const EMBERS: u32 = 4;
 pub struct Eye<'s> {
     scene: &'s Scene,
     mode: Mode<'s>,
+    /// How rays are marched through each medium for light scattered once, if they are.
+    traced: Option<&'s [Marcher]>,
     glows: Glows<'s>,
 }
 
@@ -165,6 +168,16 @@ struct Path {
 }
 
 impl Path {
+    /// The same path with a collision behind it.
+    fn scattered(&self, weight: Rgb) -> Path {
+        Path {
+            weight,
+            events: self.events + 1,
+            first: self.first.or(Some(First::Medium)),
+            previous: Previous::Specular,
+        }
+    }
+
     fn component(&self, straight_from_light: bool) -> Component {
         Self::component_of(self.first, self.events, straight_from_light)
     }
@@ -226,9 +239,10 @@ fn check(radiances: &mut [Rgb], tally: &mut Tally) {
 }
 
 impl<'s> Eye<'s> {
-    /// An eye in a scene.
-    pub fn new(scene: &'s Scene, mode: Mode<'s>) -> Self {
-        Eye { scene, mode, glows: Glows::new(scene) }
+    /// An eye in a scene. `traced` tells how rays are marched through each medium where light scattered once is
+    /// traced; `None`: they are not, and one place is enough.
+    pub fn new(scene: &'s Scene, mode: Mode<'s>, traced: Option<&'s [Marcher]>) -> Self {
+        Eye { scene, mode, traced, glows: Glows::new(scene) }
     }
 
     /// How it deals with media.
@@ -465,6 +479,32 @@ impl<'s> Eye<'s> {
         sample.radiance[path.component(true) as usize] += weight;
     }
 
+    /// Light straight from a light, scattered at a collision, the last event of its path: asked for, and met by
+    /// chance, which wide lights and sharp phase functions need.
+    fn light_once(
+        &self,
+        mut path: Path,
+        mut collision: Collision,
+        inside: &Inside,
+        medium: &Medium,
+        sample: &mut Sample,
+        context: &mut Context<'_>,
+    ) {
+        self.light_medium(&path, &collision, inside, medium, sample, context);
+        if self.straight_on() || !self.scene.lights.iter().any(Light::has_size) {
+            return;
+        }
+        let (direction, density) = medium.phase.sample(collision.stretch.ray.direction, context.stream);
+        collision.phase_density = density;
+        path.weight *= medium.albedo;
+        let mut walk = Walk::new(self.scene, Ray::new(collision.point, direction), inside.clone());
+        path.previous = Previous::Medium(collision);
+        let mut arriving = Arriving { eye: self, path: &mut path, sample, stream: context.stream };
+        if let Stop::Escaped = walk.advance(&mut arriving) {
+            self.escape(direction, &path, sample);
+        }
+    }
+
     /// Whether light to a medium goes straight on through refracting boundaries.
     fn straight_on(&self) -> bool {
         self.has_photons() && self.scene.volume.single_scattering == SingleScattering::Approximate
@@ -560,7 +600,12 @@ impl Visitor for Passage<'_, '_, '_> {
         }
         let stretch = Stretch::new(segment, medium, self.path.weight);
         if medium.scatters() && self.eye.may_go_on(self.path.events) {
-            self.scatter_once(segment, &stretch, medium, self.split);
+            let split = self.split;
+            let by_flight = |t| {
+                let certain = split.then(|| stretch.certain(medium));
+                certain.as_ref().unwrap_or(&stretch).flight_density(medium, t)
+            };
+            self.scatter_once(segment, &stretch, medium, by_flight);
         }
         if self.split {
             self.split(segment, stretch, medium);
@@ -653,7 +698,11 @@ impl Passage<'_, '_, '_> {
     fn light_itself(&mut self, segment: &Segment<'_>, medium: &Medium) {
         self.glow(segment, medium);
         if self.eye.scene.volume.single_scattering != SingleScattering::Photons {
-            self.trace_single(segment, medium);
+            let marcher = self.eye.traced.map(|marchers| marchers[segment.medium as usize]);
+            match marcher.zip(medium.density.support().clip(segment.ray, segment.a, segment.b)) {
+                Some((marcher, (a, b))) if b.is_finite() => self.march_single(segment, medium, &marcher, (a, b)),
+                _ => self.trace_single(segment, medium),
+            }
         }
     }
 
@@ -737,7 +786,7 @@ impl Passage<'_, '_, '_> {
             return;
         }
         let mut stretch = Stretch::new(segment, medium, self.path.weight);
-        self.scatter_once(segment, &stretch, medium, true);
+        self.scatter_once(segment, &stretch, medium, |t| stretch.certain(medium).flight_density(medium, t));
 
         // A collision in proportion to what arrives from there, and light asked for at it.
         let (ray, range, weight) = (segment.ray, (segment.a, segment.b), self.path.weight);
@@ -745,31 +794,62 @@ impl Passage<'_, '_, '_> {
         let Some((t, weight)) = forced.collision else { return };
         stretch.chance = forced.chance;
         let flight_density = stretch.flight_density(medium, t);
-        let mut collision = Collision { point: ray.at(t), stretch, t, flight_density, phase_density: 0.0 };
-        let mut path = Path { weight, ..self.path.clone() };
-        path.events += 1;
-        path.first.get_or_insert(First::Medium);
-        eye.light_medium(&path, &collision, segment.inside, medium, self.sample, self.context);
-
-        // Light met there by chance: what wide lights and sharp phase functions need.
-        if eye.straight_on() || !eye.scene.lights.iter().any(Light::has_size) {
-            return;
-        }
-        let (direction, density) = medium.phase.sample(ray.direction, self.context.stream);
-        collision.phase_density = density;
-        path.weight *= medium.albedo;
-        let mut walk = Walk::new(eye.scene, Ray::new(collision.point, direction), segment.inside.clone());
-        path.previous = Previous::Medium(collision);
-        let mut arriving = Arriving { eye, path: &mut path, sample: self.sample, stream: self.context.stream };
-        if let Stop::Escaped = walk.advance(&mut arriving) {
-            eye.escape(direction, &path, self.sample);
-        }
+        let collision = Collision { point: ray.at(t), stretch, t, flight_density, phase_density: 0.0 };
+        eye.light_once(self.path.scattered(weight), collision, segment.inside, medium, self.sample, self.context);
     }
 
+    /// The same at every place of a march from `a` to `b`.
+    fn march_single(&mut self, segment: &Segment<'_>, medium: &Medium, marcher: &Marcher, (a, b): (f64, f64)) {
+        let eye = self.eye;
+        if !medium.scatters() || !eye.may_go_on(self.path.events) {
+            return;
+        }
+        let (ray, weight) = (segment.ray, self.path.weight);
+        let stretch = Stretch::new(segment, medium, weight);
+        let places = |t: f64| {
+            let passed = medium.transmittance(medium.density.depth(ray, segment.a, t));
+            marcher.places((shares(weight) * passed).element_sum()).max(f64::MIN_POSITIVE)
+        };
+        self.scatter_once(segment, &stretch, medium, places);
+
+        // What the places' own light needs of the context is lent to the march.
+        let mut march = std::mem::take(&mut self.context.queue.marching.march);
+        let (path, context) = (&*self.path, &mut *self.context);
+        let mut stream = context.stream.clone();
+        let mut source = |t: f64, stream: &mut Stream| {
+            let (point, flight_density) = (ray.at(t), places(t));
+            let collision = Collision { point, stretch: stretch.clone(), t, flight_density, phase_density: 0.0 };
+            let mut sample = Sample::default();
+            let weight = medium.extinction * medium.density.at(point);
+            if weight.max_element() > 0.0 {
+                let Context { queue, pixel, tally, .. } = &mut *context;
+                let mut context = Context { stream, queue, pixel: *pixel, tally };
+                eye.light_once(path.scattered(weight), collision, segment.inside, medium, &mut sample, &mut context);
+            }
+            // All of it guides adaptive steps.
+            let mut parts = [Rgb::ZERO; 1 + Component::ALL.len()];
+            parts[0] = sample.radiance.iter().sum();
+            parts[1..].copy_from_slice(&sample.radiance);
+            parts
+        };
+        let line = (ray, segment.a, a, b);
+        let [_, parts @ ..] = march.along(marcher, line, (medium, weight), &mut stream, &mut source);
+        *self.context.stream = stream;
+        self.context.queue.marching.march = march;
+        for (radiance, part) in self.sample.radiance.iter_mut().zip(parts) {
+            *radiance += weight * part;
+        }
+    }
     /// Light straight from a light, scattered where an equiangular draw says: finds what collisions by
     /// chance find badly, close to small lights and in thin media.
-    /// `certain`: collisions are not left to chance.
-    fn scatter_once(&mut self, segment: &Segment<'_>, stretch: &Stretch, medium: &Medium, certain: bool) {
+    /// `by_flight` tells with what density collisions are drawn there otherwise.
+    fn scatter_once(
+        &mut self,
+        segment: &Segment<'_>,
+        stretch: &Stretch,
+        medium: &Medium,
+        by_flight: impl Fn(f64) -> f64,
+    ) {
         let scene = self.eye.scene;
         self.context.stream.spread(Spread::Equiangular);
         let Some(draw) = equiangular::draw(scene, stretch, self.context.stream) else { return };
@@ -779,14 +859,7 @@ impl Passage<'_, '_, '_> {
             return;
         }
         let phase = medium.phase.between(segment.ray.direction, draw.arrival.direction);
-        let by_flight = if certain {
-            let depth = medium.density.depth(segment.ray, segment.a, segment.b);
-            let mut split = stretch.clone();
-            split.chance = (shares(stretch.weight) * (Rgb::ONE - medium.transmittance(depth))).element_sum();
-            split.flight_density(medium, draw.t)
-        } else {
-            stretch.flight_density(medium, draw.t)
-        };
+        let by_flight = by_flight(draw.t);
         let asked = scene.light_choice(draw.light, point) * draw.arrival.density;
         let by_chance = if draw.arrival.has_size && !self.eye.straight_on() { phase } else { 0.0 };
         let share = draw.density / (draw.density + by_flight * (asked + by_chance));

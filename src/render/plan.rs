@@ -6,7 +6,7 @@ use crate::math::{DVec3, Rgb, Stream};
 use crate::medium::Medium;
 use crate::photon::kernel::Profile;
 use crate::photon::{Ball, PointSettings, Radius};
-use crate::scene::description::{self, Estimate, Kernel, Method, SingleScattering, Step};
+use crate::scene::description::{self, Estimate, Kernel, March, Method, SingleScattering, Step};
 use crate::scene::{Inside, Scene};
 use crate::transport::{Crossing, Segment, Side, Stop, Tally, Visitor, Walk, fly, survive};
 use crate::{Error, Result};
@@ -28,6 +28,8 @@ pub struct Plan {
     pub profile: Profile,
     /// How rays are marched, if points are looked up and not beams.
     pub points: Option<Points>,
+    /// How rays are marched through each medium where light scattered once is traced, if the scene says how.
+    pub traced: Option<Vec<Marcher>>,
     /// Whether photons must remember their events: for layers, or a limit of them.
     pub tagged: bool,
     /// Whether eye paths split in media: collisions are rare.
@@ -108,6 +110,8 @@ impl Plan {
             volume_photons: if photons > 0 { (photons / parts as u64).max(1) } else { 0 },
             radius,
             points: (volume.estimate == Estimate::Point).then(|| points(scene, radius, extent)),
+            traced: (volume.single_scattering != SingleScattering::Photons && volume.march.is_some())
+                .then(|| marchers(scene, extent)),
             tagged: scene.film.layers || render.max_depth > 0,
             split: false,
             parts,
@@ -139,25 +143,31 @@ fn points(scene: &Scene, radius: Radius, extent: f64) -> Points {
         Radius::Fixed(radius) => Ball::Fixed(radius),
         Radius::Variable { neighbours, max_radius, .. } => Ball::Nearest { neighbours: neighbours.max(2), max_radius },
     };
-    let stepping = match volume.march.step {
-        Step::Uniform => Stepping::Uniform,
-        Step::Adaptive => Stepping::Adaptive { contrast: volume.march.contrast },
-        Step::Exponential => Stepping::Exponential,
-    };
-    // Short against the scene, and in dense media against half a mean free path.
-    let longest = extent / STEPS;
-    let size = |medium: &Medium| {
-        let path = 0.5 / (medium.extinction.max_element() * medium.density.max());
-        volume.march.size.unwrap_or(path.clamp(SHORTEST_STEP * longest, longest))
-    };
     Points {
         settings: PointSettings {
             profile: profile(volume.profile, Profile::Constant),
             tagged: scene.film.layers || scene.render.max_depth > 0,
             ..PointSettings::new(ball)
         },
-        marchers: scene.media.iter().map(|medium| Marcher { stepping, size: size(medium) }).collect(),
+        marchers: marchers(scene, extent),
     }
+}
+
+/// How rays are marched through each medium.
+fn marchers(scene: &Scene, extent: f64) -> Vec<Marcher> {
+    let march = scene.volume.march.as_ref().unwrap_or(&March::DEFAULT);
+    let stepping = match march.step {
+        Step::Uniform => Stepping::Uniform,
+        Step::Adaptive => Stepping::Adaptive { contrast: march.contrast },
+        Step::Exponential => Stepping::Exponential,
+    };
+    // Short against the scene, and in dense media against half a mean free path.
+    let longest = extent / STEPS;
+    let size = |medium: &Medium| {
+        let path = 0.5 / (medium.extinction.max_element() * medium.density.max());
+        march.size.unwrap_or(path.clamp(SHORTEST_STEP * longest, longest))
+    };
+    scene.media.iter().map(|medium| Marcher { stepping, size: size(medium) }).collect()
 }
 
 /// Volume photons wanted in each pass: none where nothing scatters, or nothing shines.

@@ -33,7 +33,8 @@ impl<P: Progress> Renderer<'_, P> {
         let (width, height) = (self.scene.film.width, self.scene.film.height);
         let tiles = width.div_ceil(TILE) * height.div_ceil(TILE);
         self.progress.phase("render", tiles as u64 * self.plan.samples as u64);
-        let eye = Eye::new(self.scene, mode);
+        let traced = self.plan.traced.clone();
+        let eye = Eye::new(self.scene, mode, traced.as_deref());
         let mut from = 0;
         while from < self.plan.samples && !self.stopped() {
             let round = if pass == 0 && from == 0 { 1 } else { ROUND };

@@ -681,7 +681,7 @@ pub struct Volume {
     /// The cap of adaptive radii, above 0; `None`: chosen from the scene.
     pub max_radius: Option<f64>,
     /// How rays are stepped through, where they are.
-    pub march: March,
+    pub march: Option<March>,
     /// Where light comes from that is scattered once.
     pub single_scattering: SingleScattering,
 }
@@ -715,6 +715,11 @@ pub struct March {
     pub size: Option<f64>,
     /// What the ends of an adaptive step may differ by, above 0, as a share.
     pub contrast: f64,
+}
+
+impl March {
+    /// What holds unless the scene file says otherwise. The contrast is well above the noise of some tens of photons.
+    pub const DEFAULT: March = March { step: Step::Exponential, size: None, contrast: 0.5 };
 }
 
 /// How long the steps of a march are.

@@ -318,20 +318,16 @@ fn volume(table: &Table) -> Read<Volume> {
         neighbours: neighbours?,
         pilot: pilot?,
         max_radius: max_radius?,
-        march: march?.unwrap_or(March { step: Step::Exponential, size: None, contrast: CONTRAST }),
+        march: march?,
         single_scattering: single_scattering?,
     })
 }
 
-/// What the ends of an adaptive step may differ by, unless the scene file says otherwise: well above the noise of some
-/// tens of photons.
-const CONTRAST: f64 = 0.5;
-
 fn march(table: &Table) -> Read<March> {
     let kinds = [("uniform", Step::Uniform), ("adaptive", Step::Adaptive), ("exponential", Step::Exponential)];
-    let step = table.get_or("step", Step::Exponential, |item| item.choice(&kinds, &[]));
+    let step = table.get_or("step", March::DEFAULT.step, |item| item.choice(&kinds, &[]));
     let size = table.get("size", Item::length);
-    let contrast = table.get_or("contrast", CONTRAST, Item::positive);
+    let contrast = table.get_or("contrast", March::DEFAULT.contrast, Item::positive);
     table.finish()?;
     Ok(March { step: step?, size: size?, contrast: contrast? })
 }
