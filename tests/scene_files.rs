@@ -286,7 +286,7 @@ fn every_key_is_read_as_the_manual_says() {
         pilot: Some(8),
         max_radius: Some(0.5),
         single_scattering: SingleScattering::Approximate,
-        march: March { step: Step::Adaptive, size: Some(0.25), contrast: 0.2 },
+        march: Some(March { step: Step::Adaptive, size: Some(0.25), contrast: 0.2 }),
     };
     assert_eq!(scene.volume, volume);
 }

@@ -240,6 +240,7 @@ mod tests {
     use super::*;
     use crate::gather::Lobe;
     use crate::gather::march::Stepping;
+    use crate::medium::density::Density;
     use crate::math::random::Purpose;
     use crate::math::{Ray, sampling};
     use crate::medium::Emission;
