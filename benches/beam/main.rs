@@ -134,6 +134,7 @@ fn measure_bundles(name: &str, map: &PhotonMap, rays: &[Ray], template: &BeamQue
                 phase: template.phase,
                 extinction: template.extinction,
                 max_events: template.max_events,
+                pruned: false,
                 depths: None,
             };
             let start = seconds();
@@ -202,6 +203,7 @@ fn measure_grid(map: &PhotonMap, rays: &[Ray], template: &BeamQuery) {
                 phase: template.phase,
                 extinction: template.extinction,
                 max_events: template.max_events,
+                pruned: false,
                 depths: Some((&depths, 0.5 * width, &samples)),
             };
             map.gather_bundle(&bundle, &mut scratch, &mut stats, &mut out);
@@ -234,6 +236,7 @@ fn measure_streams(name: &str, map: &PhotonMap, rays: &[Ray], template: &BeamQue
             phase: template.phase,
             extinction: template.extinction,
             max_events: template.max_events,
+            pruned: false,
             depths: None,
         };
         let start = seconds();
@@ -246,6 +249,61 @@ fn measure_streams(name: &str, map: &PhotonMap, rays: &[Ray], template: &BeamQue
         best * 1e9 / rays.len() as f64,
         16.0 * stats.blocks as f64 / stats.photons.max(1) as f64,
     );
+}
+
+/// What roulette by transmittance saves, and the noise it adds to a ray, in media of more and more mean free paths.
+fn measure_pruning(map: &PhotonMap, rays: &[Ray], template: &BeamQuery) {
+    for sigma in [0.4, 1.0, 2.0, 4.0, 10.0] {
+        let reaches: Vec<(Ray, f64, f64)> = rays.iter().map(|ray| (*ray, 0.0, 5.0)).collect();
+        let (mut bundles, mut streams) = (BundleScratch::default(), StreamScratch::default());
+        let mut spent = [[f64::INFINITY; 2]; 2];
+        let mut found = [[Vec::new(), Vec::new()], [Vec::new(), Vec::new()]];
+        for _ in 0..3 {
+            for pruned in [false, true] {
+                let bundle = |rays| Bundle {
+                    rays,
+                    phase: template.phase,
+                    extinction: Vec3::splat(sigma),
+                    max_events: template.max_events,
+                    pruned,
+                    depths: None,
+                };
+                let mut stats = GatherStats::default();
+                let [together, alone] = &mut found[usize::from(pruned)];
+                together.clear();
+                let start = seconds();
+                let mut out = Vec::new();
+                for rays in reaches.chunks(256) {
+                    map.gather_bundle(&bundle(rays), &mut bundles, &mut stats, &mut out);
+                    together.extend_from_slice(&out);
+                }
+                let middle = seconds();
+                map.gather_stream(&bundle(&reaches), &mut streams, &mut stats, alone);
+                let [by_bundles, by_streams] = &mut spent[usize::from(pruned)];
+                *by_bundles = by_bundles.min(middle - start);
+                *by_streams = by_streams.min(seconds() - middle);
+            }
+        }
+        let off = |way: usize| {
+            let squares = found[0][way].iter().zip(&found[1][way]).map(|(all, some)| {
+                let (all, some) = (f64::from(all.total[1]), f64::from(some.total[1]));
+                ((some - all).powi(2), all.powi(2))
+            });
+            let (off, all) = squares.fold((0.0, 0.0), |sum, x| (sum.0 + x.0, sum.1 + x.1));
+            (off / all).sqrt()
+        };
+        let each = |way: usize, pruned: usize| spent[pruned][way] * 1e9 / rays.len() as f64;
+        println!(
+            "  {:34} bundles {:6.0} ns/ray, pruned {:6.0}, off by {:.1e}; streams {:6.0}, pruned {:6.0}, off by {:.1e}",
+            format!("depth {}", 5.0 * sigma),
+            each(0, 0),
+            each(0, 1),
+            off(0),
+            each(1, 0),
+            each(1, 1),
+            off(1),
+        );
+    }
 }
 
 /// The floor, and the hierarchy of the paper, on some of the rays.
@@ -310,6 +368,7 @@ fn query(phase: &PhaseLanes) -> BeamQuery<'_> {
         extinction: Vec3::splat(SIGMA),
         depth: None,
         max_events: 255,
+        pruning: None,
     }
 }
 
@@ -365,6 +424,7 @@ fn main() {
     measure("camera, tabulated", &map, &rays, &BeamQuery { depth: Some(&table), ..plain });
     measure("anyhow", &map, &anyhow(2000), &plain);
     measure_streams("anyhow", &map, &anyhow(8192), &plain);
+    measure_pruning(&map, &rays, &plain);
     compare(&map, &rays);
 
     for radius in [0.02, 0.04, 0.06, 0.1] {

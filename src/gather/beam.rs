@@ -3,6 +3,7 @@
 
 use super::depth::DepthTable;
 use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Sum};
+use crate::math::random::mix;
 use crate::math::{DVec3, Frame, Vec3};
 use crate::photon::discs::{LEAF, STACK};
 use crate::photon::kernel::Profile;
@@ -27,6 +28,46 @@ pub struct BeamQuery<'a> {
     pub depth: Option<&'a DepthTable>,
     /// Only photons with at most this many events count, if the map is tagged; 255 for all.
     pub max_events: u8,
+    /// A number in (0, 1] that decides how far the query goes where little light arrives from, see [`Pruning`];
+    /// `None` for all the way.
+    pub pruning: Option<f32>,
+}
+
+/// Russian roulette by transmittance: where less than the share F = [`FAINTEST`] of light arrives from, in its
+/// brightest channel, a query goes on with the chance P = T/F, and what it finds there counts 1/P times. One number
+/// u decides for the whole ray: it ends where T = F u, and all beyond is neither visited nor evaluated. Right on
+/// average over u.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pruning {
+    /// log₂ F.
+    pub(super) faintest: f32,
+    /// log₂ F u.
+    pub(super) last: f32,
+}
+
+/// Light of a smaller share is left to roulette. The larger it is, the sooner queries end, and the noisier are lights
+/// seen through dense media.
+const FAINTEST: f32 = 1e-4;
+
+impl Pruning {
+    pub(super) fn new(u: Option<f32>) -> Self {
+        match u {
+            Some(u) => Pruning { faintest: FAINTEST.log2(), last: (FAINTEST * u).log2() },
+            None => Pruning { faintest: f32::NEG_INFINITY, last: f32::NEG_INFINITY },
+        }
+    }
+
+    /// The density integrated up to the end, at these −σ log₂e.
+    pub(super) fn depth(&self, exponents: [f32; 3]) -> f32 {
+        let brightest = exponents.into_iter().fold(f32::NEG_INFINITY, f32::max);
+        if brightest < 0.0 { self.last / brightest } else { f32::INFINITY }
+    }
+
+    /// A number for a ray, as good as random, from its direction.
+    pub(super) fn number(direction: DVec3) -> f32 {
+        let bits = direction.to_array().into_iter().fold(0, |hash, x| mix(hash ^ x.to_bits()));
+        ((bits >> 40) + 1) as f32 * (1.0 / (1u64 << 24) as f32)
+    }
 }
 
 /// What a beam query found.
@@ -88,6 +129,12 @@ impl PhotonMap {
         }
         let exponents = exponents(query.extinction);
         let grey = exponents[0] == exponents[1] && exponents[0] == exponents[2];
+        let deepest = Pruning::new(query.pruning).depth(exponents);
+        let end = match query.depth {
+            None => deepest,
+            Some(table) => table.reach(deepest),
+        };
+        let query = &BeamQuery { length: query.length.min(end), ..*query };
         match query.depth {
             None if grey => self.gather_kind(query, phase, Grey(exponents[0]), stats),
             None => self.gather_kind(query, phase, Coloured(exponents), stats),
@@ -117,7 +164,7 @@ pub(super) fn exponents(extinction: Vec3) -> [f32; 3] {
 /// Transmittance from the segment's start, times a factor, for each channel.
 pub(super) trait Transmit: Copy {
     /// Lanes outside of `bits` may be anything.
-    fn weigh<L: Lanes>(&self, factor: L, t: L, bits: u16) -> [L; 3];
+    fn weigh<L: Lanes>(&self, factor: L, t: L, bits: u16, pruning: Pruning) -> [L; 3];
 }
 
 /// A homogeneous medium with the same extinction in every channel: −σ log₂e.
@@ -126,8 +173,10 @@ pub(super) struct Grey(pub(super) f32);
 
 impl Transmit for Grey {
     #[inline(always)]
-    fn weigh<L: Lanes>(&self, factor: L, t: L, _: u16) -> [L; 3] {
-        [factor.mul(t.mul(L::splat(self.0)).exp2()); 3]
+    fn weigh<L: Lanes>(&self, factor: L, t: L, _: u16, pruning: Pruning) -> [L; 3] {
+        let exponent = t.mul(L::splat(self.0));
+        let kept = factor.keep(L::splat(pruning.last).less(exponent));
+        [kept.mul(exponent.max(L::splat(pruning.faintest)).exp2()); 3]
     }
 }
 
@@ -137,12 +186,12 @@ pub(super) struct Coloured(pub(super) [f32; 3]);
 
 impl Transmit for Coloured {
     #[inline(always)]
-    fn weigh<L: Lanes>(&self, factor: L, t: L, _: u16) -> [L; 3] {
-        [
-            factor.mul(t.mul(L::splat(self.0[0])).exp2()),
-            factor.mul(t.mul(L::splat(self.0[1])).exp2()),
-            factor.mul(t.mul(L::splat(self.0[2])).exp2()),
-        ]
+    fn weigh<L: Lanes>(&self, factor: L, t: L, _: u16, pruning: Pruning) -> [L; 3] {
+        let [x, y, z] = [t.mul(L::splat(self.0[0])), t.mul(L::splat(self.0[1])), t.mul(L::splat(self.0[2]))];
+        let brightest = x.max(y).max(z);
+        let lift = L::splat(pruning.faintest).sub(brightest).max(L::splat(0.0));
+        let kept = factor.keep(L::splat(pruning.last).less(brightest));
+        [kept.mul(x.add(lift).exp2()), kept.mul(y.add(lift).exp2()), kept.mul(z.add(lift).exp2())]
     }
 }
 
@@ -156,12 +205,12 @@ struct Tabulated<'a> {
 
 impl Transmit for Tabulated<'_> {
     #[inline(always)]
-    fn weigh<L: Lanes>(&self, factor: L, t: L, bits: u16) -> [L; 3] {
+    fn weigh<L: Lanes>(&self, factor: L, t: L, bits: u16, pruning: Pruning) -> [L; 3] {
         let depth = self.table.depths(t, bits);
         if self.grey {
-            Grey(self.exponents[0]).weigh(factor, depth, bits)
+            Grey(self.exponents[0]).weigh(factor, depth, bits, pruning)
         } else {
-            Coloured(self.exponents).weigh(factor, depth, bits)
+            Coloured(self.exponents).weigh(factor, depth, bits, pruning)
         }
     }
 }
@@ -236,7 +285,7 @@ pub(super) fn add_block<L: Lanes>(
     ray: &RayLanes<L>,
     phase: &impl Evaluate,
     transmittance: &impl Transmit,
-    max_events: u8,
+    (max_events, pruning): (u8, Pruning),
     found: &mut Found<L>,
     stats: &mut GatherStats,
 ) {
@@ -269,7 +318,7 @@ pub(super) fn add_block<L: Lanes>(
         mask = L::mask(bits);
     }
     stats.photons += u64::from(bits.count_ones());
-    let weights = transmittance.weigh(factor, t, bits);
+    let weights = transmittance.weigh(factor, t, bits, pruning);
     let power = load3::<L>(&block.power);
     for channel in 0..3 {
         found.total[channel] = weights[channel].keep(mask).mul_add(power[channel], found.total[channel]);
@@ -309,6 +358,7 @@ impl<P: Evaluate, T: Transmit> Task for Gather<'_, P, T> {
         let ray = RayFrame::new(query.origin, query.direction, query.length).lanes::<L>();
         let slabs = if map.boxes { Some(Slabs::new(map, query.origin, query.direction, query.length)) } else { None };
 
+        let limits = (query.max_events, Pruning::new(query.pruning));
         let mut sums = Sums { total: [0.0; 3], single: [0.0; 3] };
         let mut stack = [0u32; STACK + LANES];
         let mut list = [0u32; LIST];
@@ -346,7 +396,7 @@ impl<P: Evaluate, T: Transmit> Task for Gather<'_, P, T> {
             for i in 0..listed {
                 prefetch(&map.blocks[(list[(i + AHEAD).min(listed - 1)] & !LEAF) as usize]);
                 let index = (list[i] & !LEAF) as usize;
-                add_block(map, index, &ray, &phase, &transmittance, query.max_events, &mut found, stats);
+                add_block(map, index, &ray, &phase, &transmittance, limits, &mut found, stats);
             }
             for channel in 0..3 {
                 sums.total[channel] += f64::from(found.total[channel].sum());
@@ -650,6 +700,7 @@ mod tests {
                     },
                     depth: tabulated.then_some(&table),
                     max_events: if number % 4 == 1 { 2 } else { 255 },
+                    pruning: None,
                 };
                 let depth = |t| if tabulated { smooth(t).0 } else { t };
                 let (total, single) = reference(&photons, (&radii, profile), &query, lobes, depth, planes);
@@ -685,6 +736,7 @@ mod tests {
                 extinction: Vec3::new(0.2, 0.4, 0.8),
                 depth: None,
                 max_events: 255,
+                pruning: None,
             };
             let results: Vec<[f32; 3]> = Isa::available()
                 .into_iter()
@@ -718,6 +770,7 @@ mod tests {
                 extinction: Vec3::splat(0.1),
                 depth: None,
                 max_events: 255,
+                pruning: None,
             };
             let mut stats = GatherStats::default();
             let got = map.gather(&query, &mut stats);
@@ -739,6 +792,7 @@ mod tests {
             extinction: Vec3::ONE,
             depth: None,
             max_events: 255,
+            pruning: None,
         };
         assert_eq!(empty.gather(&query, &mut GatherStats::default()), Gathered::default());
     }
@@ -803,6 +857,7 @@ mod tests {
                         extinction: Vec3::splat(SIGMA as f32),
                         depth: None,
                         max_events: 255,
+                        pruning: None,
                     };
                     sum += f64::from(map.gather(&query, &mut GatherStats::default()).total[0]);
                     plain_sum += f64::from(uncorrected.gather(&query, &mut GatherStats::default()).total[0]);

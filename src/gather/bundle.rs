@@ -14,7 +14,7 @@
     reason = "iterators' closures need not be inlined into a kernel's instruction set"
 )]
 
-use super::beam::{BeamQuery, GatherStats, Gathered, exponents};
+use super::beam::{BeamQuery, GatherStats, Gathered, Pruning, exponents};
 use super::depth::DepthTable;
 use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Sum};
 use super::sampled::{Sampled, SampledDepths, Samples, TransmittanceTable};
@@ -35,6 +35,8 @@ pub struct Bundle<'a> {
     pub extinction: Vec3,
     /// Only photons with at most this many events count, if the map is tagged; 255 for all.
     pub max_events: u8,
+    /// Whether rays end, by roulette, where little light arrives from; not in a heterogeneous medium.
+    pub pruned: bool,
     /// In a heterogeneous medium, every ray's depths and the step at which they were sampled.
     pub depths: Option<(&'a SampledDepths, f64, &'a [Samples])>,
 }
@@ -60,6 +62,7 @@ impl Bundle<'_> {
             extinction: self.extinction,
             depth: self.depths.is_some().then_some(&*table),
             max_events: self.max_events,
+            pruning: self.pruned.then(|| Pruning::number(ray.direction)),
         };
         map.gather(&query, stats)
     }
@@ -152,6 +155,28 @@ impl Chunk {
     }
 }
 
+/// [`Pruning`] of a group, by the transmittance since the last start of its rays.
+#[derive(Clone, Copy, Debug)]
+struct Pruned {
+    /// The greatest z of photons that count.
+    end: f32,
+    /// Photons count 2^max(0, offset + slope·z) times.
+    lift: [f32; 2],
+}
+
+impl Pruned {
+    const NEVER: Pruned = Pruned { end: f32::INFINITY, lift: [f32::NEG_INFINITY, 0.0] };
+
+    fn new(pruning: Pruning, exponents: [f32; 3], start: f32) -> Self {
+        let depth = pruning.depth(exponents);
+        if depth.is_infinite() {
+            return Self::NEVER;
+        }
+        let brightest = pruning.last / depth;
+        Pruned { end: start + depth, lift: [pruning.faintest + brightest * start, -brightest] }
+    }
+}
+
 /// A group of rays in its own frame.
 #[derive(Clone, Debug)]
 struct Group {
@@ -165,11 +190,14 @@ struct Group {
     /// Everything within |x|, |y| ≤ spread + slope·|z|, for all rays and for each vector around its own axis.
     around: Around,
     near: [Around; VECTORS],
+    /// Where on a ray photons may count last.
+    reach: f64,
     /// The first and last z of any ray, and of all rays.
     any: [f32; 2],
     all: [f32; 2],
     /// Where transmittance is counted from.
     zero: f32,
+    pruned: Pruned,
     /// What remains to be multiplied, by ray.
     factor: [[f64; 3]; GROUP],
     /// Sums, by vector and channel: of photons without events, and of the others.
@@ -456,9 +484,11 @@ impl Group {
         rays: [Vector::EMPTY; VECTORS],
         around: Around::AXIS,
         near: [Around::AXIS; VECTORS],
+        reach: 0.0,
         any: [0.0; 2],
         all: [0.0; 2],
         zero: 0.0,
+        pruned: Pruned::NEVER,
         factor: [[0.0; 3]; GROUP],
         sums: [[[Row([0.0; LANES]); 3]; VECTORS]; 2],
         pinhole: false,
@@ -505,6 +535,17 @@ impl Group {
         self.any = [bound(zero), bound(last_end)];
         self.all = [bound(last), bound(first_end)];
         self.zero = bound(zero);
+        let pruned = bundle.pruned && bundle.depths.is_none();
+        let pruning = Pruning::new(pruned.then(|| Pruning::number(rays[0].0.direction)));
+        self.pruned = Pruned::new(pruning, exponents(bundle.extinction), bound(last));
+        self.any[1] = self.any[1].min(self.pruned.end);
+        self.reach = f64::INFINITY;
+        if self.pruned.end.is_finite() {
+            // A photon before the end may have its foot point beyond it.
+            let end = f64::from(self.pruned.end) + 2.0 * MAX_SLOPE * widest;
+            let reach = |line: &Line| (end - line.origin) * (1.0 + line.square()).sqrt();
+            self.reach = lines.iter().map(reach).fold(f64::NEG_INFINITY, f64::max);
+        }
         self.sums = [[[Row([0.0; LANES]); 3]; VECTORS]; 2];
         self.around = around(lines);
         for (near, lines) in self.near.iter_mut().zip(lines.chunks(LANES)) {
@@ -552,17 +593,19 @@ struct Cone {
 }
 
 impl Cone {
-    /// `None` if the rays are too far apart, or there are none. Rays between the groups only widen it.
+    /// `None` if the rays are too far apart, or there are none.
     fn around(map: &PhotonMap, bundle: &Bundle<'_>, groups: &[Group], lines: &mut Vec<Line>) -> Option<Cone> {
         let (first, last) = (groups.first()?, groups.last()?);
         let rays = &bundle.rays[first.first..last.first + last.count];
         let (frame, origin, _) = middle(map, rays)?;
         lines.clear();
         let mut any = [f64::INFINITY, f64::NEG_INFINITY];
-        for ray in rays {
-            let line = Line::new(ray, &frame, origin)?;
-            any = [any[0].min(line.start), any[1].max(line.end)];
-            lines.push(line);
+        for group in groups {
+            for (ray, a, b) in &bundle.rays[group.first..group.first + group.count] {
+                let line = Line::new(&(*ray, *a, b.min(group.reach)), &frame, origin)?;
+                any = [any[0].min(line.start), any[1].max(line.end)];
+                lines.push(line);
+            }
         }
         let around = around(lines);
         (f64::from(around.widening) <= WIDE || groups.len() == 1).then(|| Cone {
@@ -778,6 +821,7 @@ impl<P: Evaluate> Task for Shift<'_, P> {
             let z = dot_plus(&x, &axes[2], offset[2]);
             let r = inverse_square.rsqrt();
             let between = L::and(any_start.less(z.add(r)), z.sub(r).less(any_end));
+            let between = L::and(between, z.less_equal(L::splat(group.pruned.end)));
             let valid = u16::MAX >> (LANES - (near.len - at).min(LANES));
             let hit = L::bits(L::and(around.meets(a, b, z, r), between)) & valid;
             if hit == 0 {
@@ -793,14 +837,17 @@ impl<P: Evaluate> Task for Shift<'_, P> {
             let depth = z.sub(start);
             let weights = if tabulated {
                 [value; 3]
-            } else if grey {
-                [value.mul(depth.mul(L::splat(exponents[0])).exp2()); 3]
             } else {
-                [
-                    value.mul(depth.mul(L::splat(exponents[0])).exp2()),
-                    value.mul(depth.mul(L::splat(exponents[1])).exp2()),
-                    value.mul(depth.mul(L::splat(exponents[2])).exp2()),
-                ]
+                let lift = z.mul_add(L::splat(group.pruned.lift[1]), L::splat(group.pruned.lift[0])).max(zero);
+                if grey {
+                    [value.mul(depth.mul_add(L::splat(exponents[0]), lift).exp2()); 3]
+                } else {
+                    [
+                        value.mul(depth.mul_add(L::splat(exponents[0]), lift).exp2()),
+                        value.mul(depth.mul_add(L::splat(exponents[1]), lift).exp2()),
+                        value.mul(depth.mul_add(L::splat(exponents[2]), lift).exp2()),
+                    ]
+                }
             };
             let fields = [
                 a,
@@ -1219,7 +1266,7 @@ mod tests {
                 for (number, phase) in lobes.iter().enumerate() {
                     let extinction = if number % 2 == 0 { Vec3::splat(0.7) } else { Vec3::new(0.2, 0.9, 2.0) };
                     let max_events = if tagged && number > 2 { 2 } else { u8::MAX };
-                    let bundle = Bundle { rays, phase, extinction, max_events, depths: None };
+                    let bundle = Bundle { rays, phase, extinction, max_events, pruned: false, depths: None };
                     let mut stats = GatherStats::default();
                     map.gather_bundle(&bundle, &mut scratch, &mut stats, &mut gathered);
                     assert_eq!(gathered.len(), rays.len());
@@ -1256,6 +1303,75 @@ mod tests {
         }
     }
 
+    /// Light that grows as it gets fainter on its way: much of it arrives from where roulette decides.
+    #[test]
+    fn pruned_rays_are_right_on_average() {
+        let mut photons = photons(20_000);
+        for photon in &mut photons {
+            photon.power *= (9.0 * photon.position.z).exp();
+        }
+        let settings = MapSettings::new(Radius::Variable { neighbours: 60, pilot: 8, max_radius: 0.3 });
+        let map = PhotonMap::build(photons, &settings, &|_: Vec3, _: f32, _: &mut _| ());
+        let phase = PhaseLanes::new(Lobe::HenyeyGreenstein(0.3));
+        let density = Density::Uniform;
+        for extinction in [Vec3::splat(10.0), Vec3::new(12.0, 9.0, 10.0)] {
+            // Each ray by itself, its number going through all.
+            let query = BeamQuery {
+                origin: DVec3::new(0.1, 0.2, -1.5),
+                direction: DVec3::Z,
+                length: 1.4,
+                phase: &phase,
+                extinction,
+                depth: None,
+                max_events: u8::MAX,
+                pruning: None,
+            };
+            let (mut whole, mut short) = (GatherStats::default(), GatherStats::default());
+            let expected = Vec3::from(map.gather(&query, &mut whole).total);
+            let mut table = DepthTable::new();
+            for knot in 0..=14 {
+                let t = 0.1 * f64::from(knot);
+                table.push(t, density.depth(&Ray::new(query.origin, query.direction), 0.0, t), 1.0);
+            }
+            table.finish();
+            for depth in [None, Some(&table)] {
+                let mut mean = DVec3::ZERO;
+                for i in 0..1000 {
+                    let query = BeamQuery { depth, pruning: Some((i as f32 + 0.5) * 1e-3), ..query };
+                    mean += Vec3::from(map.gather(&query, &mut short).total).as_dvec3() * 1e-3;
+                }
+                let off = (mean / expected.as_dvec3() - 1.0).abs().max_element();
+                assert!(off < 2e-3, "{mean} for {expected}");
+            }
+            assert!(short.photons < 1900 * whole.photons, "{} and {} photons", short.photons, whole.photons);
+
+            // Bundles and streams, whose rays bring their numbers.
+            let (mut scratch, mut streams) = (BundleScratch::default(), StreamScratch::default());
+            let (mut gathered, mut streamed) = (Vec::new(), Vec::new());
+            let mut stats = [GatherStats::default(); 3];
+            let mut sums = [DVec3::ZERO; 3];
+            for turn in 0..600 {
+                let from = DVec3::new(0.1 + 1e-4 * f64::from(turn), 0.2, -1.5);
+                let rays = rays(from, 0.0, 0.001, (0.02, 1.4));
+                let bundle =
+                    Bundle { rays: &rays, phase: &phase, extinction, max_events: u8::MAX, pruned: true, depths: None };
+                map.gather_bundle(&bundle, &mut scratch, &mut stats[0], &mut gathered);
+                map.gather_stream(&bundle, &mut streams, &mut stats[1], &mut streamed);
+                let [bundles, streams, wholes] = &mut sums;
+                *bundles += gathered.iter().map(|ray| Vec3::from(ray.total).as_dvec3()).sum::<DVec3>();
+                *streams += streamed.iter().map(|ray| Vec3::from(ray.total).as_dvec3()).sum::<DVec3>();
+                map.gather_bundle(&Bundle { pruned: false, ..bundle }, &mut scratch, &mut stats[2], &mut gathered);
+                *wholes += gathered.iter().map(|ray| Vec3::from(ray.total).as_dvec3()).sum::<DVec3>();
+            }
+            // The weights 1/P of what is beyond vary by less than their mean; 2400 groups have a number each.
+            for sum in &sums[..2] {
+                let off = (*sum / sums[2] - 1.0).abs().max_element();
+                assert!(off < 0.06, "{sum} for {}", sums[2]);
+            }
+            assert!(stats[0].photons < stats[2].photons && stats[1].photons < stats[2].photons);
+        }
+    }
+
     /// Uneven voxels on the cube and beyond.
     fn voxels() -> Density {
         let values: Vec<f32> = (0..24 * 24 * 24).map(|i| if i % 5 == 0 { 0.0 } else { (i % 7) as f32 * 0.5 }).collect();
@@ -1283,7 +1399,7 @@ mod tests {
                     .map(|(ray, a, b)| depths.sample(&density, 0.04, ray, (*a, *b), 0.15).expect("few and small").0)
                     .collect();
                 let depths = Some((&depths, 0.04, &*samples));
-                let bundle = Bundle { rays, phase: &phase, extinction, max_events: u8::MAX, depths };
+                let bundle = Bundle { rays, phase: &phase, extinction, max_events: u8::MAX, pruned: false, depths };
                 map.gather_bundle(&bundle, &mut scratch, &mut GatherStats::default(), &mut gathered);
                 let (mut seen, mut squares, mut sum) = (0.0, 0.0, 0.0);
                 for ((ray, a, b), bundled) in rays.iter().zip(&gathered) {
@@ -1302,6 +1418,7 @@ mod tests {
                         extinction,
                         depth: Some(&table),
                         max_events: u8::MAX,
+                        pruning: None,
                     };
                     let single = map.gather(&query, &mut GatherStats::default());
                     for c in 0..3 {

@@ -99,6 +99,13 @@ impl DepthTable {
         }
     }
 
+    /// A place at or beyond which D is at least this; infinite if it never is.
+    pub(super) fn reach(&self, depth: f32) -> f32 {
+        let beyond = self.knots.partition_point(|knot| knot.depth < f64::from(depth));
+        // Rounded up.
+        self.knots.get(beyond).map_or(f32::INFINITY, |knot| (knot.t as f32).next_up())
+    }
+
     /// D(t): never negative, never decreasing.
     pub fn depth_at(&self, t: f64) -> f64 {
         let Some(first) = self.pieces.first() else { return 0.0 };

@@ -240,10 +240,10 @@ mod tests {
     use super::*;
     use crate::gather::Lobe;
     use crate::gather::march::Stepping;
-    use crate::medium::density::Density;
     use crate::math::random::Purpose;
     use crate::math::{Ray, sampling};
     use crate::medium::Emission;
+    use crate::medium::density::Density;
     use crate::medium::phase::{Isotropic as IsotropicPhase, Phase};
     use crate::photon::simd::Isa;
     use crate::photon::{Ball, Photon, PointSettings};

@@ -1,7 +1,7 @@
 //! Beam queries of many rays that have nothing in common: they go through the hierarchy together, depth first,
 //! so that every node and every photon is fetched once for all rays that need it.
 
-use super::beam::{Coloured, Found, Grey, RayFrame, Slabs, Transmit, add_block, exponents};
+use super::beam::{Coloured, Found, Grey, Pruning, RayFrame, Slabs, Transmit, add_block, exponents};
 use super::bundle::Bundle;
 use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, Sum};
 use super::{GatherStats, Gathered};
@@ -27,6 +27,7 @@ struct Prepared<P> {
     frame: RayFrame,
     slabs: Slabs,
     phase: P,
+    pruning: Pruning,
 }
 
 impl PhotonMap {
@@ -68,11 +69,13 @@ impl PhotonMap {
         for rays in bundle.rays.chunks(BATCH) {
             prepared.clear();
             prepared.extend(rays.iter().map(|(ray, a, b)| {
-                let (origin, length) = (ray.at(*a), (b - a) as f32);
+                let pruning = Pruning::new(bundle.pruned.then(|| Pruning::number(ray.direction)));
+                let (origin, length) = (ray.at(*a), ((b - a) as f32).min(pruning.depth(exponents)));
                 Prepared {
                     frame: RayFrame::new(origin, ray.direction, length),
                     slabs: Slabs::new(self, origin, ray.direction, length),
                     phase: phase(ray.direction),
+                    pruning,
                 }
             }));
             let max_events = bundle.max_events;
@@ -145,11 +148,12 @@ impl<P: Evaluate, T: Transmit> Task for Stream<'_, P, T> {
                 let (mut blocks, mut inner) = (hit & leaves, hit & !leaves);
                 if blocks != 0 {
                     let mut found = Found::<L>::none();
+                    let limits = (max_events, ray.pruning);
                     stats.blocks += u64::from(blocks.count_ones());
                     while blocks != 0 {
                         let block = (node.children[blocks.trailing_zeros() as usize] & !LEAF) as usize;
                         blocks &= blocks - 1;
-                        add_block(map, block, &lanes, &ray.phase, &transmittance, max_events, &mut found, stats);
+                        add_block(map, block, &lanes, &ray.phase, &transmittance, limits, &mut found, stats);
                     }
                     let [total, single] = &mut sums[index as usize];
                     for channel in 0..3 {

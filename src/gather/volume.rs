@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 
+use super::beam::Pruning;
 use super::point::Marching;
 use super::{
     BeamQuery, Bundle, BundleScratch, DepthTable, GatherStats, Gathered, Lobe, PhaseLanes, SampledDepths, Samples,
@@ -202,6 +203,7 @@ impl VolumeMaps {
                 phase: &self.phases[medium],
                 extinction: self.extinctions[medium],
                 max_events,
+                pruned: true,
                 depths: sampled.then_some((depths, self.steps[medium], &samples)),
             };
             gather(map, &bundle, &mut gathered);
@@ -220,6 +222,7 @@ impl VolumeMaps {
             extinction: self.extinctions[reach.medium as usize],
             depth: None,
             max_events: reach.max_events,
+            pruning: Some(Pruning::number(reach.ray.direction)),
         }
     }
 }
