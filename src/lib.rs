@@ -57,6 +57,7 @@ pub mod light;
 pub mod math;
 pub mod medium;
 pub mod photon;
+mod quantity;
 pub mod render;
 pub mod scene;
 pub mod surface;
