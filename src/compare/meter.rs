@@ -53,6 +53,8 @@ struct State {
 
 /// Samples that a round takes at most.
 const ROUND: f64 = 16.0;
+/// Rounds are made to end by this share of the time to a budget, as times vary; what then still fits, follows.
+const SURE: f64 = 0.85;
 /// A render that is expected to exceed its last budget by this share of what is under way goes on nevertheless.
 const HOPE: f64 = 0.1;
 
@@ -197,7 +199,7 @@ impl<P: Progress> Progress for Meter<'_, P> {
         let fits = match self.budgets.kind {
             BudgetKind::Samples => budget - f64::from(done),
             BudgetKind::Seconds if done == 0 => 1.0,
-            BudgetKind::Seconds => (budget - now) * f64::from(done) / (now - state.began).max(1e-9),
+            BudgetKind::Seconds => SURE * (budget - now) * f64::from(done) / (now - state.began).max(1e-9),
         };
         fits.clamp(1.0, ROUND) as u32
     }

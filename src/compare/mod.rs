@@ -567,7 +567,9 @@ impl Comparison<'_> {
 
     /// What was measured at a budget, where all seeds reached it.
     fn measured(&self, found: &Found, index: usize, budget: f64) -> Result<Option<Measured>> {
-        let shots: Option<Vec<&Shot>> = found.runs.iter().map(|run| run.shots[index].as_ref()).collect();
+        // An interrupted run adds what it has.
+        let counts = |run: &&Run| run.whole || run.shots[index].is_some();
+        let shots: Option<Vec<&Shot>> = found.runs.iter().filter(counts).map(|run| run.shots[index].as_ref()).collect();
         let (Some(shots), Some(standard)) = (shots.filter(|shots| !shots.is_empty()), self.standard(found).0) else {
             return Ok(None);
         };
