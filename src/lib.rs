@@ -48,6 +48,7 @@
 
 #[cfg(feature = "cli")]
 pub mod cli;
+pub mod compare;
 pub mod error;
 pub mod gather;
 pub mod geometry;
@@ -56,6 +57,7 @@ pub mod light;
 pub mod math;
 pub mod medium;
 pub mod photon;
+mod quantity;
 pub mod render;
 pub mod scene;
 pub mod surface;
