@@ -48,6 +48,7 @@
 
 #[cfg(feature = "cli")]
 pub mod cli;
+pub mod compare;
 pub mod error;
 pub mod gather;
 pub mod geometry;
