@@ -36,14 +36,18 @@ fn superscript(number: i32) -> String {
     number.to_string().chars().map(raise).collect()
 }
 
-/// A value with its standard error, with as many decimals as two digits of that need: `0.0123 ± 0.0012`.
+/// A value with its standard error, with as many decimals as two digits of that need: `0.0123 ± 0.0012`; alone where the error is below
+/// its fourth digit.
 pub fn with_error(value: f64, error: Option<f64>) -> String {
     let Some(error) = error.filter(|error| *error > 0.0 && error.is_finite() && value.is_finite()) else {
         return digits(value, 3);
     };
+    if error < 5e-4 * value.abs() {
+        return digits(value, 4);
+    }
     let place = error.log10().floor() as i32;
     let large = value.abs().max(error).log10().floor() as i32;
-    if !(-4..6).contains(&large) {
+    if !(-3..6).contains(&large) {
         let unit = 10f64.powi(large);
         let decimals = (large - place + 1).clamp(0, 8) as usize;
         let text = format!("({:.decimals$} ± {:.decimals$})·10{}", value / unit, error / unit, superscript(large));
@@ -116,6 +120,7 @@ mod tests {
             (12.345, Some(0.5), "12.35 ± 0.50"),
             (1.234e-7, Some(2e-9), "(1.234 ± 0.020)·10⁻⁷"),
             (-3e-9, Some(1e-8), "(−0.30 ± 1.00)·10⁻⁸"),
+            (0.0049, Some(2e-7), "0.004900"),
             (0.5, None, "0.500"),
         ] {
             assert_eq!(with_error(value, error), expected);

@@ -25,6 +25,7 @@ pub struct Curves {
 impl Curves {
     /// Draws them.
     pub fn draw(results: &Results, region: usize) -> Result<Curves> {
+        let whole = region == 0;
         let lines = |quantity: Quantity| -> Vec<Line<'_>> {
             let variants = results.variants.iter().enumerate();
             variants
@@ -46,7 +47,7 @@ impl Curves {
                 lines: lines(Quantity::Rmse),
                 guide: true,
                 range: None,
-                named: true,
+                named: whole,
             })?,
             bias: small("bias²", bias)?,
             variance: small("variance", variance)?,
@@ -355,7 +356,7 @@ impl Page<'_> {
             @if curves.bias.is_none() && curves.variance.is_none() {
                 p { "Bias and variance can be told apart with two seeds or more (" code { "--seeds" } ")." }
             } @else {
-                (self.bias_and_variance(curves))
+                (self.small_plots(&[("Bias²", &curves.bias), ("Variance", &curves.variance)]))
                 p.note {
                     "Variance falls with more samples; what is left is bias. Hollow marks: below two standard errors, the "
                     "value is likely to be lower than the mark."
@@ -364,14 +365,11 @@ impl Page<'_> {
         }
     }
 
-    fn bias_and_variance(&self, curves: &Curves) -> Markup {
+    fn small_plots(&self, plots: &[(&str, &Option<Markup>)]) -> Markup {
         html! {
-            div.pair {
-                @for (name, plot) in [("Bias²", &curves.bias), ("Variance", &curves.variance)] {
-                    figure {
-                        @match plot { Some(plot) => (plot), None => p { "Nothing above 0." } }
-                        figcaption { (name) }
-                    }
+            div.plots {
+                @for (name, plot) in plots {
+                    @if let Some(plot) = plot { figure { (plot) figcaption { (name) } } }
                 }
             }
             p.legend { @for k in 0..self.results.variants.len() { (named(self.results, k)) " " } }
@@ -500,7 +498,7 @@ impl Page<'_> {
                                     }
                                     @match &shown.maps { Some(maps) => (picture(&maps.flip, &variant.name, "FLIP")), None => td { (NONE) } }
                                 }
-                                None => td colspan=(if means { 4 } else { 3 }) { span.none { "no budget was reached" } },
+                                None => td.missing colspan=(if means { 4 } else { 3 }) { span.none { "no budget was reached" } },
                             }
                         }
                     }
@@ -546,6 +544,7 @@ impl Page<'_> {
         let results = self.results;
         html! {
             @if self.pictures.crops.is_empty() { p { "There are none: the image is small, or nothing differs." } }
+            @if !self.pictures.crops.is_empty() { (self.bar(Palette::Diverging)) }
             @for (k, crop) in self.pictures.crops.iter().enumerate() {
                 @let [x, y, width, height] = crop.place;
                 @let scale = (220 / width.max(1)).clamp(1, 16);
@@ -572,14 +571,10 @@ impl Page<'_> {
                     }
                 }
                 @if let Some((region, curves)) = regions.get(k) {
-                    div.pair {
-                        @if let Some(plot) = &curves.error { figure { (plot) figcaption { "RMSE of " (crop.name) } } }
-                    }
-                    @if curves.bias.is_some() || curves.variance.is_some() { (self.bias_and_variance(curves)) }
+                    (self.small_plots(&[("RMSE", &curves.error), ("Bias²", &curves.bias), ("Variance", &curves.variance)]))
                     (self.measures(*region))
                 }
             }
-            @if !self.pictures.crops.is_empty() { (self.bar(Palette::Diverging)) }
         }
     }
 
@@ -616,7 +611,7 @@ impl Page<'_> {
                                 @if split { td { (or_none(figures.bias2)) } td { (or_none(figures.variance)) } }
                                 td { (digits(figures.mean.iter().map(|mean| mean.value).sum::<f64>() / 3.0, 4)) }
                             }
-                            None => td colspan=(if split { 9 } else { 7 }) { span.none { "not reached" } },
+                            None => td.missing colspan=(if split { 9 } else { 7 }) { span.none { "not reached" } },
                         }
                     } } }
                 }
@@ -796,10 +791,7 @@ impl Page<'_> {
 }
 
 fn percent(share: f64) -> String {
-    format!(
-        "{} %",
-        if share >= 0.1 { digits(100.0 * share, 3) } else { digits(100.0 * share, 2) }.trim_end_matches(".00")
-    )
+    format!("{} %", if share >= 0.01 { short(100.0 * share) } else { digits(100.0 * share, 2) })
 }
 
 fn reached(reach: Reach) -> String {

@@ -246,7 +246,7 @@ pub fn draw(plot: &Plot<'_>) -> Result<Option<Markup>> {
             let end = frame.x.end.min(start.0 * (start.1 / frame.y.start).powi(2));
             Some(frame.part(|chart| {
                 let line = [fall(start.0), fall(end)];
-                chart.draw_series(LineSeries::new(line, grid.stroke_width(UNIT as u32))).map(drop)
+                chart.draw_series(LineSeries::new(line, grid.stroke_width(3 * UNIT as u32 / 2))).map(drop)
             })?)
         }
         _ => None,

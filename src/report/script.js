@@ -19,7 +19,9 @@
     const [left, right, budget, kind, split] = ["left", "right", "budget", "kind", "split"].map($);
     const stage = $("stage");
     let turned = null; // null: both; else which of them is shown alone
-    let zoom = 1;
+    // As large as fits, in whole steps.
+    const width = Number(stage.style.getPropertyValue("--w"));
+    let zoom = [8, 4, 2].find((zoom) => zoom * width <= Math.min(document.body.clientWidth - 60, 1000)) || 1;
 
     const source = (choice) => {
       if (choice === "reference") {
@@ -41,12 +43,12 @@
     const show = () => {
       put($("above"), $("left-tag"), left);
       put($("below"), $("right-tag"), right);
-      const cut = turned === null ? 100 - split.value : turned === "left" ? 0 : 100;
+      const cut = turned === null ? 100 - Number(split.value) : turned === "left" ? 0 : 100;
       $("above").style.clipPath = `inset(0 ${cut}% 0 0)`;
       $("handle").style.left = `${split.value}%`;
       $("handle").hidden = turned !== null;
-      $("left-tag").hidden = turned === "right";
-      $("right-tag").hidden = turned === "left";
+      $("left-tag").hidden = cut === 100;
+      $("right-tag").hidden = cut === 0;
       $("flip").setAttribute("aria-pressed", String(turned !== null));
       stage.style.setProperty("--zoom", zoom);
       $("zoom-value").textContent = `${zoom}×`;
@@ -68,7 +70,7 @@
     for (const select of [left, right, budget, kind]) select.addEventListener("change", show);
     split.addEventListener("input", () => { turned = null; show(); });
     $("flip").addEventListener("click", flip);
-    $("zoom").addEventListener("click", () => { zoom = zoom === 4 ? 1 : 2 * zoom; show(); });
+    $("zoom").addEventListener("click", () => { zoom = zoom >= 8 ? 1 : 2 * zoom; show(); });
 
     const layers = stage.querySelector(".layers");
     const drag = (event) => {
@@ -131,7 +133,9 @@
       if (!own || !other || (own.bound && own.bound === other.bound)) return "–";
       const more = own.bound === "<" || other.bound === ">";
       const exact = !own.bound && !other.bound;
-      return `${exact ? "" : more ? "> " : "< "}${Number((other.seconds / own.seconds).toPrecision(2))} ×`;
+      const ratio = other.seconds / own.seconds;
+      const digits = ratio >= 10 ? ratio.toFixed(0) : ratio >= 1 ? ratio.toFixed(1) : ratio.toPrecision(2);
+      return `${exact ? "" : more ? "> " : "< "}${digits} ×`;
     };
     const follow = () => {
       const value = Math.exp(level.value);

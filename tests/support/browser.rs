@@ -75,15 +75,8 @@ impl Browser {
         let stream = TcpStream::connect(&address).unwrap();
         stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
         let (socket, _) = tungstenite::client(url.as_str(), stream).unwrap();
-        let mut browser = Browser {
-            child,
-            folder,
-            socket,
-            session: None,
-            sent: 0,
-            complaints: Vec::new(),
-            requests: Vec::new(),
-        };
+        let mut browser =
+            Browser { child, folder, socket, session: None, sent: 0, complaints: Vec::new(), requests: Vec::new() };
         let target = browser.call("Target.createTarget", json!({ "url": "about:blank" }));
         let attached =
             browser.call("Target.attachToTarget", json!({ "targetId": target["targetId"], "flatten": true }));
@@ -91,6 +84,8 @@ impl Browser {
         for domain in ["Page", "Runtime", "Log", "Network"] {
             browser.call(&format!("{domain}.enable"), json!({}));
         }
+        // Keys go to the page although no window has the focus.
+        browser.call("Emulation.setFocusEmulationEnabled", json!({ "enabled": true }));
         browser
     }
 
@@ -190,6 +185,9 @@ impl Browser {
             json!(format!("{selector} img"))
         ));
         let [x, y, width, height] = self.place(selector);
+        // Places in a window become places on the page.
+        let scrolled = self.evaluate("[scrollX, scrollY]");
+        let [x, y] = [x + scrolled[0].as_f64().unwrap(), y + scrolled[1].as_f64().unwrap()];
         let clip = json!({ "x": x.round(), "y": y.round(), "width": width, "height": height, "scale": 1 });
         let path = self.folder.path().join("element.png");
         self.capture(&json!({ "clip": clip }), &path);
