@@ -58,6 +58,7 @@ pub mod light;
 pub mod math;
 pub mod medium;
 pub mod photon;
+mod quantity;
 pub mod render;
 #[cfg(feature = "report")]
 pub mod report;

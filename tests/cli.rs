@@ -229,7 +229,6 @@ fn what_is_wrong_is_refused_before_the_work() {
         (vec!["diff", "broken.exr", "broken.exr"], 2, "broken.exr"),
         (vec!["info", "notes.txt"], 2, ".toml, .vdb, .npy, .obj"),
         (vec!["info", "broken.exr"], 2, "broken.exr"),
-        (vec!["compare", NAME, "-o", "study"], 2, "`volpm compare` is not supported yet"),
         (vec!["plan", NAME], 2, "`volpm plan` is not supported yet"),
         (vec!["check", NAME], 2, "`volpm check` is not supported yet"),
         (vec!["new", "scene"], 2, "`volpm new` is not supported yet"),

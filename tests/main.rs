@@ -6,6 +6,7 @@ mod beam_against_path;
 #[cfg(feature = "cli")]
 mod cli;
 mod closed_forms;
+mod compare;
 mod determinism;
 mod kinds;
 mod passes;

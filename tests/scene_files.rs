@@ -619,7 +619,6 @@ const LATER: &[&str] = &[
     "[surface]\nirradiance_cache = true\n",
     "[surface]\nneighbours = 80\n",
     "[surface]\nfilter = \"cone\"\n",
-    "[compare]\nscene = \"a.toml\"\n",
     "[[shapes]]\ntype = \"lathe\"\nprofile = [[0, 0], [1, 1]]\nsegments = 3\ncrease = 30\n",
     "[materials.a]\ntype = \"oren_nayar\"\nreflectance = 1\nsigma = 0.5\n",
     "[materials.a]\ntype = \"schlick\"\nf0 = 1\nroughness = 0.5\nisotropy = 1\n",

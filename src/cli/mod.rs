@@ -1,5 +1,6 @@
 //! The command line: one file a command. Nothing else in this crate prints.
 
+mod compare;
 mod diff;
 mod info;
 mod merge;
@@ -31,6 +32,8 @@ struct Arguments {
 enum Command {
     /// Renders a scene.
     Render(render::Arguments),
+    /// Error against run time for several estimates of a scene.
+    Compare(compare::Arguments),
     /// Error figures of one image against another.
     Diff(diff::Arguments),
     /// Joins checkpoints of one scene made with other seeds or passes.
@@ -57,6 +60,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     };
     let done = match arguments.command {
         Command::Render(arguments) => render::run(&arguments),
+        Command::Compare(arguments) => compare::run(&arguments),
         Command::Diff(arguments) => diff::run(&arguments),
         Command::Merge(arguments) => merge::run(&arguments),
         Command::Info(arguments) => info::run(&arguments),
@@ -71,7 +75,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
 }
 
 /// Commands that the manual promises for later.
-const LATER_COMMANDS: [&str; 4] = ["compare", "plan", "check", "new"];
+const LATER_COMMANDS: [&str; 3] = ["plan", "check", "new"];
 
 /// What to say where the command line is refused for a command that is not built yet.
 fn still_to_come(error: &clap::Error, asks_for_help: bool) -> Option<String> {

@@ -15,6 +15,7 @@ use super::progress::Bar;
 use super::tev::Viewer;
 use super::values;
 use super::watch::Watch;
+use crate::compare::peak_bytes;
 use crate::image::{self, Format};
 use crate::medium::density::Density;
 use crate::render::checkpoint::Subject;
@@ -206,6 +207,7 @@ fn limits(arguments: &Arguments) -> Limits {
         target_error: arguments.target_error,
         memory: arguments.memory,
         resumable: arguments.checkpoint.is_some(),
+        shown: None,
     }
 }
 
@@ -390,13 +392,6 @@ impl Report {
             warnings: scene.warnings.iter().chain(&rendering.warnings).cloned().collect(),
         }
     }
-}
-
-/// The most memory the process has held, where the system tells.
-fn peak_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string(Path::new("/proc/self/status")).ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-    line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok().map(|kib| kib * 1024)
 }
 
 fn summarise(report: &Report, stats: &Stats, outputs: &[PathBuf]) {

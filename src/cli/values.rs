@@ -1,48 +1,9 @@
 //! Values of options: times, sizes, shares, ranges.
 
 use std::ops::RangeInclusive;
-use std::time::Duration;
 
-/// A number and what follows it.
-fn number(text: &str) -> Option<(f64, &str)> {
-    let end = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
-    let number: f64 = text[..end].parse().ok()?;
-    Some((number, text[end..].trim()))
-}
-
-/// A time above 0: `90s`, `1.5m`, `2h`; several may follow each other.
-pub fn time(text: &str) -> Result<Duration, String> {
-    let expected = || "expected a time such as 90s, 1.5m, 2h or 1h30m".to_string();
-    let mut rest = text.trim();
-    let mut seconds = 0.0;
-    while !rest.is_empty() {
-        let (count, after) = number(rest).ok_or_else(expected)?;
-        let end = after.find(|c: char| c.is_ascii_digit()).unwrap_or(after.len());
-        let unit = match after[..end].trim() {
-            "ms" => 1e-3,
-            "s" | "sec" => 1.0,
-            "m" | "min" => 60.0,
-            "h" => 3600.0,
-            _ => return Err(expected()),
-        };
-        seconds += count * unit;
-        rest = &after[end..];
-    }
-    match Duration::try_from_secs_f64(seconds) {
-        Ok(time) if !time.is_zero() => Ok(time),
-        _ => Err(expected()),
-    }
-}
-
-/// A share above 0: `2%` or `0.02`.
-pub fn share(text: &str) -> Result<f64, String> {
-    let share = match number(text.trim()) {
-        Some((number, "%")) => number / 100.0,
-        Some((number, "")) => number,
-        _ => 0.0,
-    };
-    if share > 0.0 { Ok(share) } else { Err("expected a share above 0, such as 2% or 0.02".to_string()) }
-}
+use crate::quantity::number;
+pub(crate) use crate::quantity::{share, time};
 
 /// A limit of 0 or more: `0.02`, `2%` or `1e-4`.
 pub fn limit(text: &str) -> Result<f64, String> {
@@ -80,6 +41,18 @@ pub fn passes(text: &str) -> Result<RangeInclusive<u32>, String> {
     match (first.trim().parse::<u32>(), last.trim().parse::<u32>()) {
         (Ok(first), Ok(last)) if first >= 1 && first <= last => Ok(first..=last),
         _ => Err("expected the first and the last pass, counted from 1, such as 9..16".to_string()),
+    }
+}
+
+/// A part of an image: `name=x,y,width,height`.
+pub fn region(text: &str) -> Result<(String, [u32; 4]), String> {
+    let expected = || "expected a name and a part of the image in pixels, such as caustic=40,60,32,24".to_string();
+    let (name, numbers) = text.split_once('=').ok_or_else(expected)?;
+    let numbers: Vec<u32> =
+        numbers.split(',').map(|number| number.trim().parse()).collect::<Result<_, _>>().map_err(|_| expected())?;
+    match numbers[..] {
+        [x, y, width, height] if !name.trim().is_empty() => Ok((name.trim().to_string(), [x, y, width, height])),
+        _ => Err(expected()),
     }
 }
 

@@ -200,6 +200,11 @@ impl PointMaps {
         PointMaps { maps, phases: media.iter().map(|medium| lanes(&medium.phase)).collect(), marchers }
     }
 
+    /// From now on, rays are marched so, by medium.
+    pub fn march(&mut self, marchers: &[Marcher]) {
+        self.marchers = marchers.to_vec();
+    }
+
     /// The maps that hold photons, with their regions.
     pub fn by_region(&self) -> impl Iterator<Item = (u32, &PointMap)> {
         self.maps.iter().enumerate().filter_map(|(region, map)| Some((region as u32, map.as_ref()?)))

@@ -106,6 +106,11 @@ impl Subject {
         }
     }
 
+    /// The same for the same settings only, as far as 128 bits can tell.
+    pub fn fingerprint(&self) -> String {
+        format!("{:032x}", xxhash_rust::xxh3::xxh3_128(self.settings.as_bytes()))
+    }
+
     /// Where this and another subject differ, so that their passes must not be joined.
     pub fn difference(&self, other: &Subject) -> Option<String> {
         (self.settings != other.settings).then(|| difference(&self.settings, &other.settings))

@@ -22,6 +22,8 @@ pub struct Film {
     width: u32,
     height: u32,
     layers: Layers,
+    /// Which components the image is the sum of.
+    shown: [bool; COMPONENTS],
     pass: Pass,
     /// `None` for a film of a single pass, whose sums say all there is.
     finished: Option<Finished>,
@@ -130,7 +132,7 @@ impl Film {
             components: vec![Default::default(); kept],
             surfaces: vec![First::default(); kept],
         };
-        Film { width, height, layers, pass, finished: None, done: Done::default() }
+        Film { width, height, layers, shown: [true; COMPONENTS], pass, finished: None, done: Done::default() }
     }
 
     /// A black film that any number of passes can be added to.
@@ -170,6 +172,11 @@ impl Film {
         width as u64 * height as u64 * pixel as u64
     }
 
+    /// From now on, samples add only these components to the image; layers are kept as they are.
+    pub fn show_only(&mut self, components: &[Component]) {
+        self.shown = Component::ALL.map(|component| components.contains(&component));
+    }
+
     /// Pixels across and down.
     pub fn size(&self) -> (u32, u32) {
         (self.width, self.height)
@@ -194,7 +201,8 @@ impl Film {
     pub fn add(&mut self, x: u32, y: u32, sums: &Sums) {
         let at = y as usize * self.width as usize + x as usize;
         let pixel = &mut self.pass.pixels[at];
-        let total: Rgb = sums.components.iter().sum();
+        let shown = sums.components.iter().zip(self.shown).filter(|(_, shown)| *shown);
+        let total: Rgb = shown.map(|(radiance, _)| radiance).sum();
         pixel.samples += sums.samples;
         for (sum, value) in pixel.sum.iter_mut().zip(total.to_array()) {
             *sum += value;

@@ -4,6 +4,7 @@ use std::ops::RangeInclusive;
 use std::time::Duration;
 
 use super::exact;
+use super::eye::Component;
 use super::film::{Film, Layers};
 use crate::medium::density::Density;
 use crate::scene::Scene;
@@ -23,6 +24,8 @@ pub struct Limits {
     pub memory: Option<u64>,
     /// Whether the sums are to be written to a checkpoint.
     pub resumable: bool,
+    /// The components that the image is the sum of; `None`: all.
+    pub shown: Option<Vec<Component>>,
 }
 
 /// Sub-passes for the standard error of a single pass.

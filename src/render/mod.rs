@@ -10,6 +10,7 @@ mod film;
 mod limits;
 mod pass;
 mod plan;
+mod shared;
 mod tile;
 
 pub use camera::Camera;
@@ -20,3 +21,4 @@ pub use film::{Film, Layers, Sums};
 pub use limits::Limits;
 pub use pass::{End, Progress, Rendering, Silent, Stats, narrowing, refine, render};
 pub use plan::{Plan, volume_photons};
+pub use shared::{SharedMap, SharedPhotons, refine_shared};

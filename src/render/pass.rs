@@ -29,6 +29,29 @@ pub trait Progress: Sync {
     /// The image is better than before: a pass has ended, or a round of samples of the first one. Told by the
     /// thread that renders, which goes on when this returns.
     fn refined(&self, _film: &Film, _stats: &Stats) {}
+    /// How many samples of each pixel the first pass should take until [`Progress::refined`] is told of them, where
+    /// it has taken `done`. Fewer at a time take longer.
+    fn round(&self, done: u32) -> u32 {
+        if done == 0 { 1 } else { u32::MAX }
+    }
+}
+
+impl<T: Progress + ?Sized> Progress for &T {
+    fn phase(&self, name: &'static str, steps: u64) {
+        (**self).phase(name, steps);
+    }
+
+    fn advance(&self, steps: u64) {
+        (**self).advance(steps);
+    }
+
+    fn refined(&self, film: &Film, stats: &Stats) {
+        (**self).refined(film, stats);
+    }
+
+    fn round(&self, done: u32) -> u32 {
+        (**self).round(done)
+    }
 }
 
 /// Nobody listens.
@@ -110,6 +133,13 @@ impl Stats {
         self.samples += other.samples;
         self.tally = self.tally.merge(other.tally);
     }
+
+    /// Notes maps that were built for a pass.
+    pub(super) fn built(&mut self, maps: &[(u32, Summary)]) {
+        self.tally.broken += maps.iter().map(|(_, map)| map.rejected as u64).sum::<u64>();
+        self.map_bytes = self.map_bytes.max(maps.iter().map(|(_, map)| map.bytes as u64).sum());
+        self.radii = radii(maps);
+    }
 }
 
 /// Renders a scene's own passes on the current thread pool. `stop` ends it early, with what there is by then.
@@ -138,10 +168,25 @@ pub fn refine(
 ) -> Result<Rendering> {
     let camera = Camera::new(&scene.camera, &scene.film);
     let plan = Plan::new(scene, &camera, limits)?;
-    let (film, stats) = match before {
+    run(scene, (camera, plan), limits, (before, None), progress, stop)
+}
+
+/// Renders as planned, from maps that all passes share or from new ones each.
+pub(super) fn run(
+    scene: &Scene,
+    (camera, plan): (Camera, Plan),
+    limits: &Limits,
+    (before, shared): (Option<(Film, Stats)>, Option<&Maps>),
+    progress: &impl Progress,
+    stop: &AtomicBool,
+) -> Result<Rendering> {
+    let (mut film, stats) = match before {
         Some(before) => before,
         None => (limits.film(scene, plan.parts)?, Stats::default()),
     };
+    if let Some(components) = &limits.shown {
+        film.show_only(components);
+    }
     let clock = Clock::new(limits.time, film.has_samples());
     let mut warnings = Vec::new();
     if let Some(memory) = limits.memory
@@ -150,7 +195,7 @@ pub fn refine(
         let (parts, mib) = (plan.parts, memory as f64 / (1u64 << 20) as f64);
         warnings.push(format!("to stay within {mib:.0} MiB, each pass is made in {parts} parts"));
     }
-    let mut renderer = Renderer { scene, camera, plan, progress, stop, clock, film, stats, warnings };
+    let mut renderer = Renderer { scene, camera, plan, shared, progress, stop, clock, film, stats, warnings };
     let end = renderer.run(limits);
     let Renderer { film, stats, mut warnings, .. } = renderer;
     if let (Some(target), Some(error)) = (limits.target_error, stats.error)
@@ -224,6 +269,8 @@ pub(super) struct Renderer<'s, P> {
     pub(super) scene: &'s Scene,
     pub(super) camera: Camera,
     pub(super) plan: Plan,
+    /// The maps of all passes, if there are such.
+    shared: Option<&'s Maps>,
     pub(super) progress: &'s P,
     stop: &'s AtomicBool,
     clock: Clock,
@@ -297,11 +344,16 @@ impl<P: Progress> Renderer<'_, P> {
 
     /// One pass. Returns whether it came to its end.
     fn pass(&mut self, pass: u32) -> bool {
-        let maps = match self.plan.method {
-            Method::Photon => Some(self.maps(pass)),
-            Method::Path => None,
+        let own;
+        let maps = match (self.plan.method, self.shared) {
+            (Method::Path, _) => None,
+            (Method::Photon, Some(shared)) => Some(shared),
+            (Method::Photon, None) => {
+                own = self.maps(pass);
+                Some(&own)
+            }
         };
-        let mode = match &maps {
+        let mode = match maps {
             Some(Maps::Beams(maps)) => Mode::Gather(maps),
             Some(Maps::Points(maps)) => Mode::March(maps),
             None if self.plan.split => Mode::Split,
@@ -324,12 +376,7 @@ impl<P: Progress> Renderer<'_, P> {
         let start = Instant::now();
         let announced = AtomicU64::new(0);
         progress.phase("photons", 0);
-        let order = photon::Pass {
-            seed: scene.render.seed,
-            index: pass as u64,
-            target: self.plan.volume_photons,
-            max_emitted: scene.photons.max_emitted,
-        };
+        let order = order(scene, &self.plan, pass);
         let advance = |done, all| {
             if announced.swap(all, Ordering::Relaxed) != all {
                 progress.phase("photons", all);
@@ -370,32 +417,38 @@ impl<P: Progress> Renderer<'_, P> {
         let start = Instant::now();
         progress.phase("build", 0);
         let scale = narrowing(pass / self.plan.parts, self.plan.dimension) as f32;
-        let maps = match &self.plan.points {
-            None => Maps::Beams(beam_maps(scene, &self.plan, scale, traced.regions)),
-            Some(points) => Maps::Points(point_maps(scene, points, scale, traced.regions)),
-        };
+        let maps = Maps::build(scene, &self.plan, scale, traced.regions);
         let summaries = maps.summaries();
         if first {
             let wide =
                 |(region, map): &(u32, Summary)| wide_discs(scene, *region, map.radii, extinctions[*region as usize]);
             self.warnings.extend(summaries.iter().filter_map(wide));
         }
-        self.stats.tally.broken += summaries.iter().map(|(_, map)| map.rejected as u64).sum::<u64>();
-        self.stats.map_bytes = self.stats.map_bytes.max(summaries.iter().map(|(_, map)| map.bytes as u64).sum());
-        self.stats.radii = radii(&summaries);
+        self.stats.built(&summaries);
         self.stats.build_seconds += start.elapsed().as_secs_f64();
         maps
     }
 }
 
+/// What a pass asks the photon pass for.
+pub(super) fn order(scene: &Scene, plan: &Plan, pass: u32) -> photon::Pass {
+    photon::Pass {
+        seed: scene.render.seed,
+        index: pass as u64,
+        target: plan.volume_photons,
+        max_emitted: scene.photons.max_emitted,
+    }
+}
+
 /// Photon maps, one for each region.
-enum Maps {
+#[derive(Debug)]
+pub(super) enum Maps {
     Beams(VolumeMaps),
     Points(PointMaps),
 }
 
 /// What is reported of a map.
-struct Summary {
+pub(super) struct Summary {
     photons: usize,
     rejected: usize,
     bytes: usize,
@@ -403,8 +456,16 @@ struct Summary {
 }
 
 impl Maps {
+    /// From the photons of all regions, with radii multiplied by `scale`.
+    pub(super) fn build(scene: &Scene, plan: &Plan, scale: f32, regions: Vec<Vec<Photon>>) -> Maps {
+        match &plan.points {
+            None => Maps::Beams(beam_maps(scene, plan, scale, regions)),
+            Some(points) => Maps::Points(point_maps(scene, points, scale, regions)),
+        }
+    }
+
     /// Of each map that holds photons, with its region.
-    fn summaries(&self) -> Vec<(u32, Summary)> {
+    pub(super) fn summaries(&self) -> Vec<(u32, Summary)> {
         let of_beams = |map: &PhotonMap| Summary {
             photons: map.len(),
             rejected: map.rejected(),

@@ -36,8 +36,8 @@ impl<P: Progress> Renderer<'_, P> {
         let eye = Eye::new(self.scene, mode);
         let mut from = 0;
         while from < self.plan.samples && !self.stopped() {
-            let round = if pass == 0 && from == 0 { 1 } else { ROUND };
-            let to = self.plan.samples.min(from + round);
+            let round = if pass == 0 { self.progress.round(from).clamp(1, ROUND) } else { ROUND };
+            let to = self.plan.samples.min(from.saturating_add(round));
             let done: Vec<Option<Tile>> = (0..tiles)
                 .into_par_iter()
                 .map_init(Queue::default, |queue, tile| {

@@ -17,7 +17,7 @@ use super::description::{
     SingleScattering, Step, ToneMap, Unit, Volume, World,
 };
 use super::table::{Item, Problems, Read, Table, unit};
-use super::{overrides, tree};
+use super::{overrides, study, tree};
 use crate::math::DVec3;
 use crate::{Error, Result};
 
@@ -55,7 +55,7 @@ pub fn parse(text: &str, path: &Path, overrides: &[String]) -> Result<Descriptio
     description.map_err(|_| Error::Scene(format!("{}: cannot be read", path.display())))
 }
 
-fn text_of(path: &Path) -> Result<String> {
+pub(super) fn text_of(path: &Path) -> Result<String> {
     let failed = |error: std::io::Error| Error::asset(path, format!("cannot be read: {error}"));
     let file = File::open(path).map_err(failed)?;
     if file.metadata().map_err(failed)?.is_dir() {
@@ -94,7 +94,13 @@ fn describe(root: &Table, path: &Path) -> Read<Description> {
     let photons = root.section("photons").and_then(|table| photons(&table));
     let volume = root.section("volume").and_then(|table| volume(&table));
     let surface = root.section("surface").and_then(|table| surface(&table));
-    let compare = root.later("compare");
+    let compare = root.get("compare", |item| {
+        let table = item.table()?;
+        match study::study(&table, path.parent().unwrap_or(Path::new("")))?.scene {
+            None => Ok(()),
+            Some(_) => Err(table.fail_at("scene", "this file is a study of another scene: give it to `volpm compare`")),
+        }
+    });
     let finished = root.finish();
 
     let (media_items, material_items) = (media_table?.items(), materials_table?.items());
@@ -122,7 +128,7 @@ fn describe(root: &Table, path: &Path) -> Read<Description> {
     let shapes = shapes::shapes(&shape_items?.unwrap_or_default(), &names);
     let lights = lights::lights(&light_items?.unwrap_or_default(), &names);
 
-    surface.and(compare).and(finished)?;
+    surface.and(compare.map(|_: Option<()>| ())).and(finished)?;
     let (mut materials, media) = (materials?, media?);
     let shapes = shapes::finish(shapes?, &mut materials, &names)?;
     let mut description = Description {
