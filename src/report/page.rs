@@ -342,7 +342,8 @@ impl Page<'_> {
                     }
                     @if self.level.is_some() {
                         p.needs-script hidden {
-                            label for="level" { "Error to reach " }
+                            label for="level" { "Error to reach" }
+                            " "
                             input #level type="range" step="any";
                             " " output #level-output for="level" {}
                             " – times and speed-ups in the " a href="#summary" { "summary" } " follow:"
