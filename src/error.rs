@@ -30,6 +30,8 @@ pub enum Error {
         /// What went wrong.
         message: String,
     },
+    /// The work was done, and what it found is not what was asked for. The message is complete.
+    Failed(String),
     /// The user interrupted the work.
     Interrupted,
 }
@@ -49,7 +51,7 @@ impl Error {
     pub fn exit_status(&self) -> u8 {
         match self {
             Error::Usage(_) | Error::Scene(_) | Error::Asset { .. } | Error::Limit(_) => 2,
-            Error::Output { .. } => 1,
+            Error::Output { .. } | Error::Failed(_) => 1,
             Error::Interrupted => 130,
         }
     }
@@ -58,7 +60,9 @@ impl Error {
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Error::Usage(message) | Error::Scene(message) | Error::Limit(message) => f.write_str(message),
+            Error::Usage(message) | Error::Scene(message) | Error::Limit(message) | Error::Failed(message) => {
+                f.write_str(message)
+            }
             Error::Asset { path, message } => write!(f, "{}: {message}", path.display()),
             Error::Output { path, message } => write!(f, "cannot write {}: {message}", path.display()),
             Error::Interrupted => f.write_str("interrupted"),

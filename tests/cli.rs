@@ -288,6 +288,68 @@ fn figures_and_facts_go_to_stdout() {
     assert!(text(&missing.stderr).contains("volume_single"), "{}", text(&missing.stderr));
 }
 
+#[test]
+fn differences_are_drawn_and_held_to_limits() {
+    let folder = workplace();
+    let at = |name: &str| folder.path().join(name);
+    for (seed, name) in [("1", "a"), ("2", "b")] {
+        let outputs: Vec<String> = ["exr", "png", "pfm", "hdr"].map(|ending| format!("{name}.{ending}")).to_vec();
+        let outputs = outputs.iter().flat_map(|output| ["-o", output]);
+        let arguments: Vec<&str> = ["render", NAME, "-q", "--seed", seed].into_iter().chain(outputs).collect();
+        assert!(run(folder.path(), &arguments).status.success());
+    }
+    let diff = |more: &[&str]| {
+        let done = run(folder.path(), &[&["diff"], more].concat());
+        (done.status.code(), text(&done.stdout), text(&done.stderr))
+    };
+    // Any format against any other; limits that hold and limits that do not, of which all are named.
+    for ending in ["exr", "png", "pfm", "hdr"] {
+        let (status, said, _) = diff(&[&format!("a.{ending}"), "b.exr", "--max-rmse", "1e6", "--max-relmse", "1e6"]);
+        assert!(status == Some(0) && said.contains("relMSE"), "{ending}: {said}");
+    }
+    let none = ["--max-rmse", "0", "--max-relmse", "0", "--max-bias", "0%", "--max-flip", "0", "--hdr"];
+    let (status, said, errors) = diff(&[&["a.exr", "a.pfm"], &none[..]].concat());
+    assert_eq!((status, errors.as_str()), (Some(0), ""));
+    assert!(said.contains("HDR-FLIP   0.0"), "{said}");
+    let (status, said, errors) = diff(&[&["a.exr", "b.exr"], &none[..]].concat());
+    assert!(status == Some(1) && said.contains("RMSE"), "{said}");
+    for option in ["--max-rmse", "--max-relmse", "--max-bias", "--max-flip"] {
+        assert!(errors.contains(&format!("exceeds 0 ({option})")), "{errors}");
+    }
+    // What is left out of the means is not forgiven.
+    let mut broken = image::read(at("a.pfm")).unwrap();
+    broken.image.pixels[14][1] = f32::NAN;
+    image::write(at("nan.pfm"), &broken, &image::ToneSettings::default()).unwrap();
+    assert_eq!(diff(&["nan.pfm", "a.pfm"]).0, Some(0));
+    let (status, _, errors) = diff(&["nan.pfm", "a.pfm", "--max-rmse", "1"]);
+    assert!(status == Some(1) && errors.contains("column 2, row 1"), "{errors}");
+
+    // Maps; wrong use is refused before anything is written.
+    let before = names_in(folder.path());
+    for (wrong, message) in [
+        (&["--layer", "depth", "--flip", "f.png"][..], "holds none"),
+        (&["--layer", "depth", "--max-flip", "1"], "holds none"),
+        (&["--flip", "f.exr"], ".png"),
+        (&["--max-rmse", "-1"], "--max-rmse"),
+        (&["--max-rmse", "few"], "1e-4"),
+        (&["--error-range", "10%"], "--error"),
+    ] {
+        let (status, said, errors) = diff(&[&["a.exr", "b.exr"], wrong].concat());
+        assert_eq!((status, said.as_str()), (Some(2), ""), "{wrong:?}");
+        assert!(errors.contains(message), "{wrong:?}: {errors}");
+    }
+    assert_eq!(diff(&["a.exr", "b.exr", "--flip", "nowhere/f.png"]).0, Some(1));
+    assert_eq!(names_in(folder.path()), before);
+    let (status, ..) = diff(&["a.exr", "b.exr", "--layer", "direct", "--flip", "f.png", "--error", "e.png"]);
+    assert_eq!(status, Some(0));
+    for map in ["f.png", "e.png"] {
+        // Below the map, a bar.
+        let map = image::read(at(map)).unwrap().image;
+        assert!(map.width >= 12 && map.height > 8);
+        assert!(map.get(0, 0) != [1.0; 3] && map.get(map.width - 1, map.height - 1) == [1.0; 3]);
+    }
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn a_full_disk_costs_no_old_file() {

@@ -12,6 +12,8 @@ mod kinds;
 mod passes;
 mod point_queries;
 mod references;
+#[cfg(feature = "report")]
+mod report;
 mod scene_files;
 mod single_scattering;
 mod slab;

@@ -14,7 +14,7 @@ use crate::compare::results::{BudgetKind, Budgets, Results};
 use crate::compare::{self, Request, Watch};
 use crate::render::{Film, Progress, Stats};
 use crate::scene::StudyReference;
-use crate::{Error, Result};
+use crate::{Error, Result, report};
 
 #[derive(Args)]
 pub struct Arguments {
@@ -95,7 +95,11 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         .build()
         .map_err(|error| Error::Limit(format!("cannot start {threads} threads: {error}")))?;
     let teller = Teller { bar: Bar::new(arguments.quiet) };
-    let results = pool.install(|| compare::run(&request, &arguments.out, &teller, &stop));
+    let results = pool.install(|| {
+        let results = compare::run(&request, &arguments.out, &teller, &stop)?;
+        report::write(&results, &arguments.out)?;
+        Ok(results)
+    });
     teller.bar.finish();
     let results = results?;
     if !arguments.quiet {

@@ -5,6 +5,16 @@ use std::ops::RangeInclusive;
 use crate::quantity::number;
 pub(crate) use crate::quantity::{share, time};
 
+/// A limit of 0 or more: `0.02`, `2%` or `1e-4`.
+pub fn limit(text: &str) -> Result<f64, String> {
+    let text = text.trim();
+    let (digits, scale) = text.strip_suffix('%').map_or((text, 1.0), |share| (share.trim(), 0.01));
+    match digits.parse::<f64>() {
+        Ok(number) if number >= 0.0 && number.is_finite() => Ok(scale * number),
+        _ => Err("expected a number from 0, such as 0.02, 2% or 1e-4".to_string()),
+    }
+}
+
 /// A number of bytes: `8GiB`, `500 MB`.
 pub fn bytes(text: &str) -> Result<u64, String> {
     let expected = || "expected a size such as 8GiB or 500MB".to_string();
@@ -82,6 +92,10 @@ mod tests {
         assert_eq!((share("2%"), share(" 0.5 % "), share("0.02")), (Ok(0.02), Ok(0.005), Ok(0.02)));
         for text in ["", "0", "-1%", "2%%", "x", "nan", "inf"] {
             assert!(share(text).is_err(), "{text}");
+        }
+        assert_eq!((limit("2%"), limit("0"), limit(" 1e-4")), (Ok(0.02), Ok(0.0), Ok(1e-4)));
+        for text in ["", "-1", "inf", "nan", "2%%"] {
+            assert!(limit(text).is_err(), "{text}");
         }
         assert_eq!((bytes("8GiB"), bytes("500 MB"), bytes("1.5k")), (Ok(8 << 30), Ok(500_000_000), Ok(1536)));
         for text in ["", "8", "0MB", "-1GB", "GiB", "8 GiB s"] {

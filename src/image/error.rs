@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::{DEFAULT_PIXELS_PER_DEGREE, Image, Picture, ToneSettings, auto_exposure, flip, read, tone_map};
+use super::{
+    DEFAULT_PIXELS_PER_DEGREE, Flip, Image, Picture, ToneSettings, auto_exposure, flip, hdr_flip, read, tone_map,
+};
 use crate::{Error, Result};
 
 /// Error figures of an image I against a reference R, over pixels and channels.
@@ -31,6 +33,9 @@ pub struct Figures {
     /// Mean FLIP of the pictures, tone-mapped alike at the reference's exposure; `None` for what is
     /// no colour (normals, depth).
     pub flip: Option<f64>,
+    /// Mean FLIP over exposures, see [`hdr_flip`], where it was asked for: it takes about ten times as long.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hdr_flip: Option<f64>,
     /// Whether the reference's own variance was subtracted from the squared differences in
     /// `rmse` and `rel_mse`. What falls below 0 by chance is 0.
     pub variance_subtracted: bool,
@@ -114,9 +119,7 @@ pub fn compare(image: &Image, reference: &Image, standard_error: Option<&Image>)
     }
     let values = 3.0 * triples.len() as f64;
 
-    let tone = ToneSettings { exposure: Some(auto_exposure(reference)), ..ToneSettings::default() };
-    let shown = [reference, image].map(|image| tone_map(image, &tone));
-    let flip = flip(&shown[0], &shown[1], width, DEFAULT_PIXELS_PER_DEGREE).map(|flip| flip.mean);
+    let flip = shown_difference(image, reference).map(|flip| flip.mean);
 
     let doubtful = reference.pixels.iter().enumerate().map(|(index, pixel)| match standard_error {
         Some(error) if finite(pixel) => &error.pixels[index],
@@ -131,13 +134,14 @@ pub fn compare(image: &Image, reference: &Image, standard_error: Option<&Image>)
         rel_mse: (level != 0.0).then(|| (relative / values).max(0.0)),
         bias: (level != 0.0).then(|| (overall(mean) - level) / level),
         flip,
+        hdr_flip: None,
         variance_subtracted: standard_error.is_some(),
         non_finite: NonFinite::of(image.pixels.iter(), width),
         reference_non_finite: NonFinite::of(doubtful, width),
     })
 }
 
-/// What [`diff`] compares.
+/// What [`Pair::read`] takes of two files.
 #[derive(Clone, Debug, Default)]
 pub struct DiffOptions {
     /// The layer to compare, by name; `None`: the image itself.
@@ -147,30 +151,69 @@ pub struct DiffOptions {
     pub standard_error: Option<PathBuf>,
 }
 
-/// Compares two image files, see [`compare`].
-///
-/// Errors: [`Error::Asset`] for a file that cannot be read or lacks the layer, [`Error::Usage`] if sizes
-/// differ or no pixel is finite.
-pub fn diff(image: impl AsRef<Path>, reference: impl AsRef<Path>, options: &DiffOptions) -> Result<Figures> {
-    let (image, reference) = (image.as_ref(), reference.as_ref());
-    let layer = options.layer.as_deref();
-    let (image, _) = choose(image, read(image)?, layer)?;
-    let picture = read(reference)?;
-    let standard_error = match &options.standard_error {
-        Some(path) => Some(read(path)?.image),
-        None if layer.is_none() => picture.layer("standard_error").map(|layer| Image {
-            width: picture.image.width,
-            height: picture.image.height,
-            pixels: layer.channels.to_pixels(),
-        }),
-        None => None,
-    };
-    let (reference, coloured) = choose(reference, picture, layer)?;
-    let mut figures = compare(&image, &reference, standard_error.as_ref())?;
-    if !coloured {
-        figures.flip = None;
+/// An image and what it is judged by.
+#[derive(Clone, Debug)]
+pub struct Pair {
+    /// The image.
+    pub image: Image,
+    /// The reference.
+    pub reference: Image,
+    /// The standard error of the reference's pixels.
+    pub standard_error: Option<Image>,
+    /// Whether they hold colours, which can be looked at; otherwise normals or a depth.
+    pub coloured: bool,
+}
+
+impl Pair {
+    /// Reads two image files, of any formats.
+    ///
+    /// Errors: [`Error::Asset`] for a file that cannot be read or lacks the layer.
+    pub fn read(image: impl AsRef<Path>, reference: impl AsRef<Path>, options: &DiffOptions) -> Result<Pair> {
+        let (image, reference) = (image.as_ref(), reference.as_ref());
+        let layer = options.layer.as_deref();
+        let (image, _) = choose(image, read(image)?, layer)?;
+        let picture = read(reference)?;
+        let standard_error = match &options.standard_error {
+            Some(path) => Some(read(path)?.image),
+            None if layer.is_none() => picture.layer("standard_error").map(|layer| Image {
+                width: picture.image.width,
+                height: picture.image.height,
+                pixels: layer.channels.to_pixels(),
+            }),
+            None => None,
+        };
+        let (reference, coloured) = choose(reference, picture, layer)?;
+        Ok(Pair { image, reference, standard_error, coloured })
     }
-    Ok(figures)
+
+    /// How far the image is from the reference, see [`compare`].
+    ///
+    /// Errors: [`Error::Usage`] if sizes differ or no pixel is finite.
+    pub fn figures(&self) -> Result<Figures> {
+        let mut figures = compare(&self.image, &self.reference, self.standard_error.as_ref())?;
+        if !self.coloured {
+            figures.flip = None;
+        }
+        Ok(figures)
+    }
+
+    /// The difference one sees at the exposure chosen for the reference, as in [`Figures::flip`]; `None` if the images
+    /// differ in size.
+    pub fn flip(&self) -> Option<Flip> {
+        shown_difference(&self.image, &self.reference)
+    }
+
+    /// The largest difference over all exposures, see [`hdr_flip`].
+    pub fn hdr_flip(&self) -> Option<Flip> {
+        hdr_flip(&self.reference, &self.image, DEFAULT_PIXELS_PER_DEGREE)
+    }
+}
+
+/// FLIP of both images, tone-mapped alike at the exposure chosen for the reference.
+fn shown_difference(image: &Image, reference: &Image) -> Option<Flip> {
+    let tone = ToneSettings { exposure: Some(auto_exposure(reference)), ..ToneSettings::default() };
+    let shown = [reference, image].map(|image| tone_map(image, &tone));
+    flip(&shown[0], &shown[1], reference.width, DEFAULT_PIXELS_PER_DEGREE)
 }
 
 /// The image of `picture` or its layer, and whether it holds colours.
@@ -214,6 +257,9 @@ impl fmt::Display for Figures {
         }
         if let Some(value) = self.flip {
             writeln!(f, "FLIP       {}", shown(value))?;
+        }
+        if let Some(value) = self.hdr_flip {
+            writeln!(f, "HDR-FLIP   {}", shown(value))?;
         }
         for (whose, found) in [("image", self.non_finite), ("reference", self.reference_non_finite)] {
             if let Some(NonFinite { count, first: [x, y] }) = found {
@@ -301,12 +347,13 @@ mod tests {
         let (image, reference) = (save("a.exr", 1.5), save("b.exr", 1.0));
         let layer = |name: &str| DiffOptions { layer: Some(name.into()), standard_error: None };
 
-        let whole = diff(&image, &reference, &DiffOptions::default()).unwrap();
+        let figures = |options: &DiffOptions| Pair::read(&image, &reference, options).unwrap().figures().unwrap();
+        let whole = figures(&DiffOptions::default());
         assert!((whole.rmse - (0.25f64 - 0.0625).sqrt()).abs() < 1e-7 && whole.variance_subtracted);
-        let direct = diff(&image, &reference, &layer("direct")).unwrap();
+        let direct = figures(&layer("direct"));
         assert!((direct.rmse - 0.25).abs() < 1e-7 && !direct.variance_subtracted && direct.flip.is_some());
-        assert_eq!(diff(&image, &reference, &layer("depth")).unwrap().flip, None);
-        let error = diff(&image, &reference, &layer("caustic")).unwrap_err().to_string();
+        assert_eq!(figures(&layer("depth")).flip, None);
+        let error = Pair::read(&image, &reference, &layer("caustic")).unwrap_err().to_string();
         assert!(error.contains("a.exr") && error.contains("it has depth, direct, standard_error"), "{error}");
 
         let json = serde_json::to_value(&whole).unwrap();

@@ -1,14 +1,17 @@
-//! LDR-FLIP: how different two pictures look when one flips between them on a screen.
+//! FLIP: how different two pictures look when one flips between them on a screen.
 //!
-//! Source: P. Andersson, J. Nilsson, T. Akenine-Möller, M. Oskarsson, K. Åström, M. D. Fairchild,
-//! "FLIP: A Difference Evaluator for Alternating Images", Proc. ACM Comput. Graph. Interact. Tech.
-//! 3(2), 2020. Section numbers below are those of the paper.
+//! - [`flip`], LDR-FLIP, is for pictures as they are shown: P. Andersson, J. Nilsson, T. Akenine-Möller,
+//!   M. Oskarsson, K. Åström, M. D. Fairchild, "FLIP: A Difference Evaluator for Alternating Images", Proc. ACM
+//!   Comput. Graph. Interact. Tech. 3(2), 2020. Section numbers below are those of this paper.
+//! - [`hdr_flip`] is for radiance, which can be shown at many exposures: P. Andersson, J. Nilsson, P. Shirley,
+//!   T. Akenine-Möller, "Visualizing Errors in Rendered High Dynamic Range Images", Eurographics Short Papers 2021.
 
 use std::f64::consts::PI;
 
 use rayon::prelude::*;
 
-use super::tone::srgb_to_linear;
+use super::Image;
+use super::tone::{luminance, srgb_to_linear};
 use crate::math::{DMat3, DVec3};
 
 /// Pixels per degree of visual angle of the paper's display: 0.7 m before a screen 0.7 m wide with
@@ -24,9 +27,80 @@ pub struct Flip {
     pub mean: f64,
 }
 
+impl Flip {
+    fn of(map: Vec<f32>) -> Flip {
+        let mean = map.iter().map(|&value| f64::from(value)).sum::<f64>() / map.len() as f64;
+        Flip { map, mean }
+    }
+}
+
 /// The difference between two 8-bit sRGB pictures of `width` columns, seen at `pixels_per_degree`;
 /// `None` if they differ in size or are not whole rows.
 pub fn flip(reference: &[[u8; 3]], test: &[[u8; 3]], width: usize, pixels_per_degree: f64) -> Option<Flip> {
+    let table: [f32; 256] = std::array::from_fn(|value| srgb_to_linear(value as f64 / 255.0) as f32);
+    let linear = |picture: &[[u8; 3]]| -> Vec<[f32; 3]> {
+        picture.par_iter().map(|pixel| pixel.map(|value| table[usize::from(value)])).collect()
+    };
+    Some(Flip::of(difference(&linear(reference), &linear(test), width, pixels_per_degree)?))
+}
+
+/// HDR-FLIP: the largest LDR-FLIP of each pixel over the exposures from that at which the reference's brightest pixel
+/// is not burnt out to that at which its median is as bright; about one a stop, at least two. Negative values
+/// and NaN count as 0.
+///
+/// `None` if the images differ in size, have no pixels, or no pixel of the reference is brighter than 0.
+pub fn hdr_flip(reference: &Image, test: &Image, pixels_per_degree: f64) -> Option<Flip> {
+    if (reference.width, reference.height) != (test.width, test.height) {
+        return None;
+    }
+    let mut largest: Option<Vec<f32>> = None;
+    for exposure in exposures(reference)? {
+        let [shown, tried] = [reference, test].map(|image| exposed(image, exposure));
+        let map = difference(&shown, &tried, reference.width, pixels_per_degree)?;
+        match &mut largest {
+            Some(largest) => largest.iter_mut().zip(map).for_each(|(most, value)| *most = most.max(value)),
+            None => largest = Some(map),
+        }
+    }
+    largest.map(Flip::of)
+}
+
+/// The tone mapper of HDR-FLIP: the fit of the ACES reference transform by K. Narkowicz (2015) after a
+/// pre-exposure of 0.6, (a x² + b x)/(c x² + d x + e).
+const ACES: [f64; 5] = [0.36 * 2.51, 0.6 * 0.03, 0.36 * 2.43, 0.6 * 0.59, 0.14];
+
+/// The exposures of HDR-FLIP, in stops (§2.1 of its paper): what the tone mapper takes to 0.85 is the reference's
+/// largest luminance at the first and its median at the last.
+fn exposures(reference: &Image) -> Option<impl Iterator<Item = f64>> {
+    const SHOWN: f64 = 0.85;
+    let mut luminances: Vec<f64> =
+        reference.pixels.iter().map(luminance).filter(|value| *value > 0.0 && value.is_finite()).collect();
+    luminances.sort_unstable_by(f64::total_cmp);
+    let (brightest, count) = (*luminances.last()?, luminances.len());
+    let median = 0.5 * (luminances[(count - 1) / 2] + luminances[count / 2]);
+
+    let [a, b, c, d, e] = ACES;
+    let (square, linear, constant) = (a - SHOWN * c, b - SHOWN * d, -SHOWN * e);
+    let level = (-linear + (linear * linear - 4.0 * square * constant).sqrt()) / (2.0 * square);
+    let (first, last) = ((level / brightest).log2(), (level / median).log2());
+    let count = ((last - first).ceil() as usize).max(2);
+    Some((0..count).map(move |i| first + (last - first) * i as f64 / (count - 1) as f64))
+}
+
+/// `image` as the tone mapper of HDR-FLIP shows it, linear in [0, 1].
+fn exposed(image: &Image, exposure: f64) -> Vec<[f32; 3]> {
+    let [a, b, c, d, e] = ACES;
+    let gain = exposure.exp2();
+    let shown = |value: f32| {
+        // The curve has passed 1 long before 1e9, from where on its terms would overflow for the brightest.
+        let x = (gain * f64::from(value)).clamp(0.0, 1e9);
+        if x.is_nan() { 0.0 } else { (x * (a * x + b) / (x * (c * x + d) + e)).min(1.0) as f32 }
+    };
+    image.pixels.par_iter().map(|pixel| pixel.map(shown)).collect()
+}
+
+/// The difference at each pixel of two pictures in linear sRGB within [0, 1].
+fn difference(reference: &[[f32; 3]], test: &[[f32; 3]], width: usize, pixels_per_degree: f64) -> Option<Vec<f32>> {
     let whole = width > 0 && !reference.is_empty() && reference.len().is_multiple_of(width);
     let resolved = pixels_per_degree.is_finite() && pixels_per_degree > 0.0;
     if !whole || !resolved || reference.len() != test.len() {
@@ -40,18 +114,14 @@ pub fn flip(reference: &[[u8; 3]], test: &[[u8; 3]], width: usize, pixels_per_de
     let green = hunt_lab([0.0, 1.0, 0.0]);
     let blue = hunt_lab([0.0, 0.0, 1.0]);
     let largest = hyab(green, blue).powf(COLOUR_EXPONENT);
-    let map: Vec<f32> = (0..reference.len())
-        .into_par_iter()
-        .map(|i| {
-            let colour = redistribute(hyab(a.colours[i], b.colours[i]).powf(COLOUR_EXPONENT), largest);
-            // §4.2: the larger of the differences in edges and in points, as an exponent, §4.3.
-            let [edges, points] = [0, 1].map(|kind| (a.features[i][kind] - b.features[i][kind]).abs());
-            let feature = (edges.max(points) / std::f32::consts::SQRT_2).powf(FEATURE_EXPONENT);
-            colour.powf(1.0 - feature)
-        })
-        .collect();
-    let mean = map.iter().map(|&value| f64::from(value)).sum::<f64>() / map.len() as f64;
-    Some(Flip { map, mean })
+    let at = |i: usize| {
+        let colour = redistribute(hyab(a.colours[i], b.colours[i]).powf(COLOUR_EXPONENT), largest);
+        // §4.2: the larger of the differences in edges and in points, as an exponent, §4.3.
+        let [edges, points] = [0, 1].map(|kind| (a.features[i][kind] - b.features[i][kind]).abs());
+        let feature = (edges.max(points) / std::f32::consts::SQRT_2).powf(FEATURE_EXPONENT);
+        colour.powf(1.0 - feature)
+    };
+    Some((0..reference.len()).into_par_iter().map(at).collect())
 }
 
 /// q_c of §4.1.3.
@@ -76,10 +146,8 @@ struct Seen {
 }
 
 impl Seen {
-    fn new(picture: &[[u8; 3]], width: usize, filters: &Filters) -> Seen {
-        let table: [f32; 256] = std::array::from_fn(|value| srgb_to_linear(value as f64 / 255.0) as f32);
-        let opponents: Vec<[f32; 3]> =
-            picture.par_iter().map(|pixel| to_opponent(pixel.map(|value| table[usize::from(value)]))).collect();
+    fn new(picture: &[[f32; 3]], width: usize, filters: &Filters) -> Seen {
+        let opponents: Vec<[f32; 3]> = picture.par_iter().map(|&pixel| to_opponent(pixel)).collect();
         let plane = |c: usize| opponents.iter().map(|colour| colour[c]).collect::<Vec<f32>>();
 
         // §4.1.1: each opponent channel blurred as the eye does at this distance.
@@ -283,6 +351,45 @@ mod tests {
             let flip = flip(reference, test, WIDTH, density).unwrap();
             assert!((flip.mean - expected).abs() < 1e-4, "{name}: {} instead of {expected}", flip.mean);
         }
+    }
+
+    /// The expected means were computed by the authors' Python package (flip-evaluator 1.7).
+    #[test]
+    fn means_over_exposures_agree_with_the_authors_implementation() {
+        let image = |value: &dyn Fn(usize, usize, usize) -> f32| {
+            Image::from_fn(WIDTH, 60, |x, y| [0, 1, 2].map(|c| value(x, y, c)))
+        };
+        // Ten stops of brightness.
+        let ramp =
+            |x: usize, y: usize, c: usize| ((x as f32 - 20.0) / 8.0).exp2() * ((c + 1) as f32 + y as f32 / 30.0) / 4.0;
+        let smooth = image(&ramp);
+        let noisy = image(&|x, y, c| ramp(x, y, c) * (0.7 + 0.6 * (hash(x, y, c) % 1001) as f32 / 1000.0));
+        let spark = |x: usize, y: usize| if hash(x, y, 7).is_multiple_of(97) { 50.0 } else { 0.0 };
+        let sparks = image(&|x, y, c| ramp(x, y, c) + spark(x, y));
+        let dark = image(&|x, y, c| 0.8 * ramp(x, y, c));
+        let flat = |level: f32| image(&|_, _, _| level);
+        for (name, reference, test, density, expected) in [
+            ("noise", &smooth, &noisy, DEFAULT_PIXELS_PER_DEGREE, 0.105_372_6),
+            ("noise, far", &smooth, &noisy, 30.0, 0.204_751_5),
+            ("sparks", &smooth, &sparks, DEFAULT_PIXELS_PER_DEGREE, 0.076_954_0),
+            ("dark", &smooth, &dark, DEFAULT_PIXELS_PER_DEGREE, 0.256_337_8),
+            ("flat", &flat(0.5), &flat(0.4), DEFAULT_PIXELS_PER_DEGREE, 0.089_181_4),
+            ("same", &noisy, &noisy, DEFAULT_PIXELS_PER_DEGREE, 0.0),
+        ] {
+            let flip = hdr_flip(reference, test, density).unwrap();
+            assert!((flip.mean - expected).abs() < 1e-4, "{name}: {} instead of {expected}", flip.mean);
+        }
+        // Radiance has no unit in which it is seen; what is black has no exposure.
+        let brighter = [&smooth, &noisy].map(|image| {
+            let pixels = image.pixels.iter().map(|pixel| pixel.map(|value| 1024.0 * value)).collect();
+            Image { pixels, ..*image }
+        });
+        let scaled = hdr_flip(&brighter[0], &brighter[1], DEFAULT_PIXELS_PER_DEGREE).unwrap().mean;
+        assert!((scaled - 0.105_372_6).abs() < 1e-4, "{scaled}");
+        assert!(hdr_flip(&flat(0.0), &smooth, DEFAULT_PIXELS_PER_DEGREE).is_none());
+        let broken = image(&|x, _, _| [f32::NAN, f32::INFINITY, f32::MAX, -1.0][x % 4]);
+        let map = hdr_flip(&smooth, &broken, DEFAULT_PIXELS_PER_DEGREE).unwrap().map;
+        assert!(map.iter().all(|value| (0.0..=1.0).contains(value)));
     }
 
     #[test]

@@ -2,12 +2,14 @@
 //!
 //! An [`Image`] holds linear sRGB radiance, row 0 on top. A [`Picture`] is an image with named
 //! [`Layer`]s and attributes, as an EXR file carries them. [`write()`] and [`read`] go by file,
-//! [`tone_map`] makes 8-bit pictures of radiance, [`compare`] and [`diff`] give error figures.
+//! [`tone_map`] makes 8-bit pictures of radiance, [`compare`] and [`Pair`] give error figures,
+//! [`signed_errors`], [`flip`] and [`hdr_flip`] maps, which [`Palette`]s colour.
 
 mod error;
 mod exr;
 mod flip;
 mod hdr;
+mod map;
 mod pfm;
 mod png;
 mod tone;
@@ -16,8 +18,9 @@ mod write;
 use std::fs;
 use std::path::Path;
 
-pub use error::{DiffOptions, Figures, NonFinite, compare, diff};
-pub use flip::{DEFAULT_PIXELS_PER_DEGREE, Flip, flip};
+pub use error::{DiffOptions, Figures, NonFinite, Pair, compare};
+pub use flip::{DEFAULT_PIXELS_PER_DEGREE, Flip, flip, hdr_flip};
+pub use map::{Palette, map_with_bar, range_of, signed_errors};
 pub use tone::{ToneMap, ToneSettings, auto_exposure, tone_map};
 pub use write::{check_target, write_aside};
 
@@ -209,6 +212,18 @@ pub fn write(path: impl AsRef<Path>, picture: &Picture, tone: &ToneSettings) -> 
         Format::Pfm => pfm::encode(&picture.image, file),
         Format::Hdr => hdr::encode(&picture.image, file),
     })
+}
+
+/// Writes `pixels`, rows of `width`, as a PNG file in 8-bit sRGB just as they are. The file is written aside and
+/// renamed, see [`write_aside`].
+///
+/// Errors: [`Error::Output`].
+pub fn write_pixels(path: impl AsRef<Path>, pixels: &[[u8; 3]], width: usize) -> Result<()> {
+    let path = path.as_ref();
+    if width == 0 || pixels.is_empty() || !pixels.len().is_multiple_of(width) {
+        return Err(Error::output(path, format!("{} pixels are no rows of {width}", pixels.len())));
+    }
+    write_aside(path, |file| png::encode_pixels(pixels, width, file))
 }
 
 /// Whether every plane of `picture` has as many pixels as its size says.

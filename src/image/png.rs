@@ -10,9 +10,13 @@ use super::{DEFLATE, Image, ToneSettings, check_size, tone_map};
 
 /// Writes `image`, tone-mapped, in 8-bit sRGB.
 pub(super) fn encode(image: &Image, tone: &ToneSettings, out: &mut impl Write) -> io::Result<()> {
-    let bytes = tone_map(image, tone);
+    encode_pixels(&tone_map(image, tone), image.width, out)
+}
+
+/// Writes rows of `width` pixels of 8-bit sRGB.
+pub(super) fn encode_pixels(pixels: &[[u8; 3]], width: usize, out: &mut impl Write) -> io::Result<()> {
     PngEncoder::new(out)
-        .write_image(bytes.as_flattened(), image.width as u32, image.height as u32, ExtendedColorType::Rgb8)
+        .write_image(pixels.as_flattened(), width as u32, (pixels.len() / width) as u32, ExtendedColorType::Rgb8)
         .map_err(|error| match error {
             ImageError::IoError(error) => error,
             other => io::Error::other(other),

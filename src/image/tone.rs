@@ -57,7 +57,7 @@ pub fn auto_exposure(image: &Image) -> f64 {
 }
 
 /// Rec. 709 luminance.
-fn luminance([r, g, b]: &[f32; 3]) -> f64 {
+pub(super) fn luminance([r, g, b]: &[f32; 3]) -> f64 {
     0.2126 * f64::from(*r) + 0.7152 * f64::from(*g) + 0.0722 * f64::from(*b)
 }
 

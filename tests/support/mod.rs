@@ -1,5 +1,8 @@
 //! What tests share: scenes from text, renders, and estimates with their standard error.
 
+#[cfg(feature = "report")]
+pub mod browser;
+
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
