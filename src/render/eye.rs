@@ -672,7 +672,7 @@ impl Passage<'_, '_, '_> {
         let (reach, counts) = self.reach(segment);
         if counts {
             let scene = self.eye.scene;
-            let near = |position, radius, planes: &mut _| walls::near(scene, position, radius, planes);
+            let near = |position, radius, planes: &mut _| walls::near(scene, position, radius, false, planes);
             let Context { queue, stream, .. } = &mut *self.context;
             let stretch = (medium, &reach, self.path.weight);
             let gathered = maps.gather(stretch, &near, stream, &mut queue.marching, &mut queue.stats);

@@ -20,6 +20,8 @@ pub struct Walk<'s> {
     crossed: f64,
     /// Nothing beyond is of interest.
     limit: f64,
+    /// There is no surface so near to the ray's origin.
+    clear: f64,
     /// Whether it has yet to find out on which side of a boundary it starts.
     starts: bool,
     /// The solids around it.
@@ -127,7 +129,7 @@ impl<'s> Walk<'s> {
     /// A walk that starts with `ray`, inside these solids.
     pub fn new(scene: &'s Scene, ray: Ray, inside: Inside) -> Self {
         let cluster = Cluster::default();
-        Walk { scene, ray, t: 0.0, crossed: 0.0, limit: f64::INFINITY, starts: false, inside, cluster }
+        Walk { scene, ray, t: 0.0, crossed: 0.0, limit: f64::INFINITY, clear: 0.0, starts: false, inside, cluster }
     }
 
     /// The same from a light or a camera, which may stand on a boundary of `inside`: then the direction
@@ -145,6 +147,15 @@ impl<'s> Walk<'s> {
 
     /// Goes on to the next surface that does something, through boundaries that do not.
     pub fn advance(&mut self, visitor: &mut impl Visitor) -> Stop {
+        if self.t < self.clear
+            && let Some(medium) = self.scene.medium(&self.inside)
+        {
+            let segment = Segment { ray: &self.ray, a: self.t, b: self.clear, medium, inside: &self.inside };
+            if visitor.segment(&segment).is_break() {
+                return Stop::Ended;
+            }
+            (self.t, self.crossed) = (self.clear, self.clear);
+        }
         loop {
             self.scene.geometry.intersect(&self.ray, self.crossed, self.limit, &mut self.cluster);
             if std::mem::take(&mut self.starts) {
@@ -228,6 +239,19 @@ impl<'s> Walk<'s> {
         self.ray = Ray::new(self.ray.at(t), direction);
         self.t = 0.0;
         self.crossed = 0.0;
+        self.clear = (self.clear - t).max(0.0);
+    }
+
+    /// How far the nearest surface is from parameter `t` of the line, at least.
+    pub fn clearance(&self, t: f64) -> f64 {
+        (self.clear - t).max(0.0)
+    }
+
+    /// Tells that there is no surface within `clear` of the ray's origin: it need not be looked for so near.
+    /// Segments end there, too.
+    pub fn clear(&mut self, clear: f64) {
+        // Distances are exact to roundings of the coordinates.
+        self.clear = (clear * (1.0 - 1e-6) - error_bound(&self.ray, clear)).max(0.0);
     }
 
     /// Leaves a surface along `direction`, on the side that points to.
@@ -237,6 +261,7 @@ impl<'s> Walk<'s> {
         self.inside = inside;
         self.t = 0.0;
         self.crossed = 0.0;
+        self.clear = 0.0;
     }
 }
 
