@@ -4,6 +4,7 @@ use super::Context;
 use crate::gather::march::Marcher;
 use crate::render::{Camera, Limits, Plan, SharedMap};
 use crate::scene::description::{Description, Estimate, Kernel, Method};
+use crate::scene::description::{March, Volume};
 use crate::scene::{self, Scene, StudyVariant, is_plain};
 use crate::{Error, Result};
 
@@ -241,7 +242,7 @@ impl Tunable {
         let extent = scene.bounds().diagonal().max(f64::MIN_POSITIVE);
         let (now, range) = match self {
             Tunable::MarchSize => (shortest_step(&plan), [1e-5 * extent, 10.0 * extent]),
-            Tunable::Contrast => (scene.volume.march.contrast, [1e-3, 1e3]),
+            Tunable::Contrast => (march(&scene.volume).contrast, [1e-3, 1e3]),
             Tunable::Neighbours => (scene.volume.neighbours.map_or(60.0, f64::from), [5.0, 1e5]),
             Tunable::Radius => (radius(&plan), [1e-5 * extent, extent]),
             Tunable::Photons => (scene.photons.volume.map_or(1e6, |photons| photons as f64), [1e3, 1e9]),
@@ -253,8 +254,10 @@ impl Tunable {
     pub fn set(self, scene: &mut Scene, value: f64) -> String {
         let whole = value.round().max(1.0);
         match self {
-            Tunable::MarchSize => scene.volume.march.size = Some(value),
-            Tunable::Contrast => scene.volume.march.contrast = value,
+            Tunable::MarchSize => {
+                scene.volume.march = Some(March { size: Some(value), ..march(&scene.volume) });
+            }
+            Tunable::Contrast => scene.volume.march = Some(March { contrast: value, ..march(&scene.volume) }),
             Tunable::Neighbours => scene.volume.neighbours = Some(whole as u32),
             Tunable::Radius => scene.volume.radius = Some(value),
             Tunable::Photons => scene.photons.volume = Some(whole as u64),
@@ -264,6 +267,11 @@ impl Tunable {
             _ => format!("{value}"),
         }
     }
+}
+
+/// How a scene marches.
+fn march(volume: &Volume) -> March {
+    volume.march.clone().unwrap_or(March::DEFAULT)
 }
 
 fn plan(scene: &Scene) -> Result<Plan> {
@@ -294,7 +302,7 @@ pub fn limit(variant: &Variant, context: &Context<'_>) -> Result<Vec<Pair>> {
         return Ok(Vec::new());
     }
     let mut scene = scene::build(&context.describe(&variant.asked.name, &variant.set)?)?;
-    let own = scene.volume.march.size.take();
+    let own = scene.volume.march.as_mut().and_then(|march| march.size.take());
     let size = (0.5 * shortest_step(&plan(&scene)?)).min(own.unwrap_or(f64::INFINITY));
     let set = [("volume.march.step", "exponential".to_string()), ("volume.march.size", significant(size))];
     Ok(set.map(|(key, value)| (key.to_string(), value)).to_vec())

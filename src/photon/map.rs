@@ -77,6 +77,8 @@ pub struct Plane {
     pub normal: Vec3,
     /// The photon's distance, not negative.
     pub distance: f32,
+    /// Whether the photon's disc lies along it, not across rays: at most one wall of a photon.
+    pub leans: bool,
 }
 
 /// Radii of a map's discs, all 0 if it is empty.
@@ -159,6 +161,8 @@ pub struct PhotonMap {
     /// if no photon is near a wall.
     pub(crate) wall_starts: Vec<u32>,
     pub(crate) walls: Vec<WallLayer>,
+    /// For each block the photons whose disc lies along the wall of the first layer; empty if there are none.
+    pub(crate) leaning: Vec<u16>,
     /// Whether walks test boxes rather than spheres.
     pub(crate) boxes: bool,
     pub(crate) isa: Isa,
@@ -177,7 +181,7 @@ impl PhotonMap {
     ///
     /// `planes` is asked for the walls near a photon, once radii are known: a wall matters if it is
     /// closer than *twice* the photon's radius, because the disc is drawn around a foot point that
-    /// may be a radius away. The three nearest count.
+    /// may be a radius away, or if the disc leans on it. That one and the nearest others count, three in all.
     ///
     /// *Variable radii:* among fewer than m + 1 photons the farthest stands for the m-th neighbour,
     /// with its own count; a single photon gets `max_radius`. Photons at one place get the smallest
@@ -209,7 +213,7 @@ impl PhotonMap {
             }
         });
         let (nodes, extent) = discs::build(&blocks, count, Some(&radii));
-        let (wall_starts, walls) =
+        let (wall_starts, walls, leaning) =
             if settings.boundaries { walls_of(&blocks, count, &radii, planes) } else { Default::default() };
 
         let summary = summary(&radii[..count]);
@@ -228,6 +232,7 @@ impl PhotonMap {
             nodes,
             wall_starts,
             walls,
+            leaning,
         }
     }
 
@@ -269,6 +274,12 @@ impl PhotonMap {
             + size_of_val(&*self.nodes)
             + size_of_val(&*self.wall_starts)
             + size_of_val(&*self.walls)
+            + size_of_val(&*self.leaning)
+    }
+
+    /// Whether some discs lie along walls.
+    pub fn leans(&self) -> bool {
+        !self.leaning.is_empty()
     }
 
     /// The discs' radii.
@@ -433,30 +444,33 @@ pub(super) fn summary(radii: &[f32]) -> Radii {
     }
 }
 
-/// Layers of walls for every block, and where each block's start; nothing if there are no walls.
+/// Where each block's layers of walls start, the layers, and which photons lean on the first; nothing if there are no
+/// walls, or none that lean.
 fn walls_of(
     blocks: &[Block],
     photons: usize,
     radii: &[f32],
     planes: &(impl Fn(Vec3, f32, &mut SmallVec<[Plane; 3]>) + Sync),
-) -> (Vec<u32>, Vec<WallLayer>) {
-    let parts: Vec<(Vec<u32>, Vec<WallLayer>)> = blocks
+) -> (Vec<u32>, Vec<WallLayer>, Vec<u16>) {
+    let parts: Vec<(Vec<u32>, Vec<WallLayer>, Vec<u16>)> = blocks
         .par_chunks(CHUNK)
         .enumerate()
         .map(|(chunk, blocks)| {
             let mut counts = Vec::with_capacity(blocks.len());
             let mut walls: Vec<WallLayer> = Vec::new();
+            let mut leaning = vec![0u16; blocks.len()];
             let mut found = SmallVec::new();
-            for (index, block) in blocks.iter().enumerate() {
+            for (block, leaning) in blocks.iter().zip(&mut leaning) {
                 let first = walls.len();
-                let index = chunk * CHUNK + index;
+                let index = chunk * CHUNK + counts.len();
                 for lane in 0..photons_in(index, photons) {
                     let position = Vec3::from(block.position.each_ref().map(|row| row.0[lane]));
                     let radius = radii[index * LANES + lane];
                     found.clear();
                     planes(position, radius, &mut found);
-                    found.retain(|plane| plane.distance < 2.0 * radius);
-                    found.sort_by(|a: &Plane, b: &Plane| a.distance.total_cmp(&b.distance));
+                    found.retain(|plane| plane.leans || plane.distance < 2.0 * radius);
+                    found.sort_by(|a: &Plane, b: &Plane| b.leans.cmp(&a.leans).then(a.distance.total_cmp(&b.distance)));
+                    *leaning |= u16::from(found.first().is_some_and(|plane| plane.leans)) << lane;
                     for (layer, plane) in found.iter().take(WALLS).enumerate() {
                         if first + layer == walls.len() {
                             walls.push(WallLayer::EMPTY);
@@ -470,7 +484,7 @@ fn walls_of(
                 }
                 counts.push((walls.len() - first) as u32);
             }
-            (counts, walls)
+            (counts, walls, leaning)
         })
         .collect();
     let total: usize = parts.iter().map(|part| part.1.len()).sum();
@@ -479,16 +493,21 @@ fn walls_of(
     }
     let mut starts = Vec::with_capacity(blocks.len() + 1);
     let mut walls = Vec::with_capacity(total);
+    let mut all_leaning = Vec::new();
+    if parts.iter().any(|part| part.2.iter().any(|&bits| bits != 0)) {
+        all_leaning.reserve_exact(blocks.len());
+        parts.iter().for_each(|part| all_leaning.extend(&part.2));
+    }
     let mut start = 0;
     starts.push(start);
-    for (counts, part) in parts {
+    for (counts, part, _) in parts {
         for count in counts {
             start += count;
             starts.push(start);
         }
         walls.extend(part);
     }
-    (starts, walls)
+    (starts, walls, all_leaning)
 }
 
 #[cfg(test)]
@@ -567,7 +586,7 @@ mod tests {
         };
         let floor = |x: Vec3, r: f32, planes: &mut SmallVec<[Plane; 3]>| {
             if x.z < 2.0 * r {
-                planes.push(Plane { normal: Vec3::Z, distance: x.z });
+                planes.push(Plane { normal: Vec3::Z, distance: x.z, leans: false });
             }
         };
         let build = |threads| {

@@ -412,17 +412,18 @@ impl<P: Progress> Renderer<'_, P> {
             self.warnings.extend(endless_glow(scene));
         }
 
-        let extinctions: Vec<f64> =
-            (0..).zip(&traced.regions).map(|(i, photons)| mean_extinction(scene, i, photons)).collect();
+        let extinctions = mean_extinctions(scene, &traced.regions);
         let start = Instant::now();
         progress.phase("build", 0);
         let scale = narrowing(pass / self.plan.parts, self.plan.dimension) as f32;
-        let maps = Maps::build(scene, &self.plan, scale, traced.regions);
+        let maps = Maps::build(scene, &self.plan, scale, &extinctions, traced.regions);
         let summaries = maps.summaries();
         if first {
+            // Discs that lean on boundaries blend no depths.
+            let leans = |region| self.plan.points.is_none() && region != scene.world_region;
             let wide =
                 |(region, map): &(u32, Summary)| wide_discs(scene, *region, map.radii, extinctions[*region as usize]);
-            self.warnings.extend(summaries.iter().filter_map(wide));
+            self.warnings.extend(summaries.iter().filter(|(region, _)| !leans(*region)).filter_map(wide));
         }
         self.stats.built(&summaries);
         self.stats.build_seconds += start.elapsed().as_secs_f64();
@@ -456,10 +457,16 @@ pub(super) struct Summary {
 }
 
 impl Maps {
-    /// From the photons of all regions, with radii multiplied by `scale`.
-    pub(super) fn build(scene: &Scene, plan: &Plan, scale: f32, regions: Vec<Vec<Photon>>) -> Maps {
+    /// From the photons of all regions, with radii multiplied by `scale`, and the extinction around them.
+    pub(super) fn build(
+        scene: &Scene,
+        plan: &Plan,
+        scale: f32,
+        extinctions: &[f64],
+        regions: Vec<Vec<Photon>>,
+    ) -> Maps {
         match &plan.points {
-            None => Maps::Beams(beam_maps(scene, plan, scale, regions)),
+            None => Maps::Beams(beam_maps(scene, plan, scale, extinctions, regions)),
             Some(points) => Maps::Points(point_maps(scene, points, scale, regions)),
         }
     }
@@ -485,12 +492,17 @@ impl Maps {
     }
 }
 
-fn beam_maps(scene: &Scene, plan: &Plan, scale: f32, regions: Vec<Vec<Photon>>) -> VolumeMaps {
-    let settings = MapSettings { tagged: plan.tagged, scale, profile: plan.profile, ..MapSettings::new(plan.radius) };
-    // The disc is drawn around a foot point that may be a radius away from the photon.
-    let near = |position, radius, planes: &mut _| walls::near(scene, position, 2.0 * radius, planes);
-    let build = |photons: Vec<Photon>| (!photons.is_empty()).then(|| PhotonMap::build(photons, &settings, &near));
-    VolumeMaps::new(regions.into_iter().map(build).collect(), &scene.media)
+fn beam_maps(scene: &Scene, plan: &Plan, scale: f32, extinctions: &[f64], regions: Vec<Vec<Photon>>) -> VolumeMaps {
+    let build = |(photons, extinction): (Vec<Photon>, &f64)| {
+        let settings =
+            MapSettings { tagged: plan.tagged, scale, profile: plan.profile, ..MapSettings::new(plan.radius) };
+        let near = |position, radius, planes: &mut _| {
+            // The disc is drawn around a foot point that may be a radius away from the photon.
+            walls::near(scene, position, 2.0 * radius, radius * *extinction as f32 > walls::LEANING, planes);
+        };
+        (!photons.is_empty()).then(|| PhotonMap::build(photons, &settings, &near))
+    };
+    VolumeMaps::new(regions.into_iter().zip(extinctions).map(build).collect(), &scene.media)
 }
 
 fn point_maps(scene: &Scene, points: &Points, scale: f32, regions: Vec<Vec<Photon>>) -> PointMaps {
@@ -558,6 +570,11 @@ fn medium_of(scene: &Scene, region: u32) -> Option<&Medium> {
     Some(&scene.media[medium as usize])
 }
 
+/// Of each region, by [`mean_extinction`].
+pub(super) fn mean_extinctions(scene: &Scene, regions: &[Vec<Photon>]) -> Vec<f64> {
+    (0..).zip(regions).map(|(region, photons)| mean_extinction(scene, region, photons)).collect()
+}
+
 /// The largest channel's extinction where a region's photons are, on average.
 fn mean_extinction(scene: &Scene, region: u32, photons: &[Photon]) -> f64 {
     let Some(medium) = medium_of(scene, region).filter(|_| !photons.is_empty()) else { return 0.0 };
@@ -581,7 +598,7 @@ fn wide_discs(scene: &Scene, region: u32, radii: Radii, extinction: f64) -> Opti
     let share = radii.mean as f64 * extinction;
     medium_of(scene, region).filter(|_| share > WIDE).map(|medium| {
         format!(
-            "medium {}: photons are spread over {:.3e} on average, which is {share:.2} mean free paths; above {WIDE} its lit surface is blurred and too dark: raise photons.volume, lower volume.neighbours, or use method \"path\"",
+            "medium {}: photons are spread over {:.3e} on average, which is {share:.2} mean free paths; above {WIDE} its lit surface is blurred and too dark: raise photons.volume, lower volume.neighbours or volume.radius, or use method \"path\"",
             medium.name, radii.mean
         )
     })

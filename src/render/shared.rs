@@ -6,7 +6,7 @@ use std::time::Instant;
 use super::camera::Camera;
 use super::film::Film;
 use super::limits::Limits;
-use super::pass::{self, Maps, Progress, Rendering, Stats, order};
+use super::pass::{self, Maps, Progress, Rendering, Stats, mean_extinctions, order};
 use super::plan::{Plan, volume_photons};
 use crate::photon::{self, Photon};
 use crate::scene::Scene;
@@ -74,7 +74,7 @@ impl SharedMap {
         let camera = Camera::new(&scene.camera, &scene.film);
         let plan = Plan::new(scene, &camera, &Limits::default())?;
         let start = Instant::now();
-        let maps = Maps::build(scene, &plan, 1.0, photons.regions.clone());
+        let maps = Maps::build(scene, &plan, 1.0, &mean_extinctions(scene, &photons.regions), photons.regions.clone());
         let mut stats = Stats {
             emitted: photons.emitted,
             volume: photons.stored(),
