@@ -163,8 +163,8 @@ impl<'a> Item<'a> {
     /// A file name with one of `endings`, resolved against `folder`.
     pub(super) fn file(&self, folder: &Path, endings: &[&str]) -> Read<Located<PathBuf>> {
         let text = self.string()?;
-        let ending = Path::new(text).extension().and_then(|ending| ending.to_str()).unwrap_or_default();
-        if !endings.iter().any(|known| known.eq_ignore_ascii_case(ending)) {
+        let lower = text.to_ascii_lowercase();
+        if !endings.iter().any(|known| lower.strip_suffix(known).is_some_and(|rest| rest.ends_with('.'))) {
             let endings: Vec<String> = endings.iter().map(|ending| format!(".{ending}")).collect();
             return Err(self.expected(format!("the name of a file that ends in {}", endings.join(" or "))));
         }

@@ -171,7 +171,7 @@ fn kind(table: &Table, names: &Names, shapes: &ShapeNames) -> Read<ShapeKind> {
             Ok(ShapeKind::Cylinder { base, top, radius: radius?, caps: caps? })
         }
         Kind::Mesh => {
-            let file = table.require("file", |item| item.file(names.folder, &["obj"]));
+            let file = table.require("file", |item| item.file(names.folder, &["obj", "obj.gz"]));
             let smooth = table.get_or("smooth", true, Item::boolean);
             table.finish()?;
             Ok(ShapeKind::Mesh { file: file?, smooth: smooth? })
