@@ -232,7 +232,7 @@ fn every_key_is_read_as_the_manual_says() {
     let expected = [
         ("white", MaterialKind::Lambert { reflectance: Rgb::splat(0.75) }),
         ("chrome", MaterialKind::Mirror { reflectance: Rgb::new(0.9, 0.8, 0.7) }),
-        ("my glass", MaterialKind::Dielectric { ior: Rgb::new(1.5, 1.504, 1.513) }),
+        ("my glass", MaterialKind::Dielectric { ior: Rgb::new(1.5, 1.504, 1.513), roughness: 0.0 }),
         ("none", MaterialKind::None),
         ("black", MaterialKind::Lambert { reflectance: Rgb::ZERO }),
     ];
@@ -668,7 +668,7 @@ fn overrides_reach_every_key() {
     assert!(matches!(scene.shapes[1].kind, ShapeKind::Box { max, .. } if max.y == 7.0));
     assert!(matches!(scene.shapes[2].kind, ShapeKind::Sphere { radius: 9.0, .. }));
     assert!(matches!(scene.lights[0].kind, LightKind::Spot { intensity: Rgb::ZERO, .. }));
-    assert_eq!(scene.materials[2].kind, MaterialKind::Dielectric { ior: Rgb::splat(2.0) });
+    assert_eq!(scene.materials[2].kind, MaterialKind::Dielectric { ior: Rgb::splat(2.0), roughness: 0.0 });
     let Density::Vdb { file, .. } = &scene.media[0].density else { panic!() };
     assert_eq!(file.value, PathBuf::from("scenes/a = b/smöke.vdb"));
     assert_eq!(scene.media[2].phase, Phase::Isotropic);

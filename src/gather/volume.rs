@@ -135,8 +135,10 @@ impl VolumeMaps {
         let (Some(map), Some(end), Some(owner)) = (map, met, owner) else {
             return medium.transmittance(medium.density.depth(&ray, a, b));
         };
+        // Bundles have no discs that lean on walls.
+        let together = reach.from_camera && !map.leans();
         if let Density::Uniform = medium.density {
-            let waiting = if reach.from_camera { &mut queue.bundles } else { &mut queue.streams };
+            let waiting = if together { &mut queue.bundles } else { &mut queue.streams };
             waiting.push(Waiting { reach, samples: None, owner });
             return medium.transmittance(medium.density.depth(&ray, a, b));
         }
@@ -144,7 +146,7 @@ impl VolumeMaps {
         let leaves = medium.density.support().clip(&ray, a, b).map_or(a, |(_, leaves)| leaves);
         let end = if leaves.is_finite() { leaves } else { end };
         let total = |until_end: f64| if end < leaves { medium.density.depth(&ray, a, b) } else { until_end };
-        if reach.from_camera {
+        if together {
             let most = MOST_PASSED / medium.extinction.max_element();
             let step = self.steps[reach.medium as usize];
             if let Some((samples, depth)) = queue.depths.sample(&medium.density, step, &ray, (a, end), most) {

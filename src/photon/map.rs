@@ -52,14 +52,41 @@ pub struct MapSettings {
     pub tagged: bool,
     /// Whether walls near a photon correct its contribution.
     pub boundaries: bool,
+    /// The mean free path where the photons are: discs that are not small against it lie along a wall nearby, so
+    /// that they do not blend what is at different depths. Infinite if none should.
+    pub mean_free_path: f32,
 }
 
 impl MapSettings {
     /// The biweight, untagged, corrected at walls, radii as they are.
     pub fn new(radius: Radius) -> Self {
-        MapSettings { radius, profile: Profile::Biweight, scale: 1.0, tagged: false, boundaries: true }
+        MapSettings {
+            radius,
+            profile: Profile::Biweight,
+            scale: 1.0,
+            tagged: false,
+            boundaries: true,
+            mean_free_path: f32::INFINITY,
+        }
+    }
+
+    /// How far away walls matter to a photon whose disc has this radius, and whether the disc lies along the
+    /// nearest of them.
+    ///
+    /// A disc across a ray is drawn around a foot point that may be a radius away from the photon, so that walls
+    /// matter up to twice the radius.
+    pub fn reach(&self, radius: f32) -> (f32, bool) {
+        let leans = radius > LEANING * self.mean_free_path;
+        (if leans { (2.0 * radius).max(LEANING_DEPTH * self.mean_free_path) } else { 2.0 * radius }, leans)
     }
 }
+
+/// Discs of more mean free paths than this lie along walls: across a ray that leaves at an angle θ to the normal, they
+/// blend depths r sin θ apart.
+const LEANING: f32 = 0.05;
+
+/// So many mean free paths from a wall at least.
+const LEANING_DEPTH: f32 = 1.0;
 
 /// A photon of a map, and how wide it is spread.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -159,6 +186,8 @@ pub struct PhotonMap {
     /// if no photon is near a wall.
     pub(crate) wall_starts: Vec<u32>,
     pub(crate) walls: Vec<WallLayer>,
+    /// For each block the photons whose disc lies along the wall of the first layer; empty if there are none.
+    pub(crate) leaning: Vec<u16>,
     /// Whether walks test boxes rather than spheres.
     pub(crate) boxes: bool,
     pub(crate) isa: Isa,
@@ -175,9 +204,8 @@ impl PhotonMap {
     /// Orders `photons`, finds their radii, and builds the hierarchy; in parallel, on the current
     /// thread pool, with the same result for any number of threads.
     ///
-    /// `planes` is asked for the walls near a photon, once radii are known: a wall matters if it is
-    /// closer than *twice* the photon's radius, because the disc is drawn around a foot point that
-    /// may be a radius away. The three nearest count.
+    /// `planes` is asked for the walls near a photon with this radius, once radii are known: as near as
+    /// [`MapSettings::reach`] says. The three nearest count.
     ///
     /// *Variable radii:* among fewer than m + 1 photons the farthest stands for the m-th neighbour,
     /// with its own count; a single photon gets `max_radius`. Photons at one place get the smallest
@@ -209,8 +237,8 @@ impl PhotonMap {
             }
         });
         let (nodes, extent) = discs::build(&blocks, count, Some(&radii));
-        let (wall_starts, walls) =
-            if settings.boundaries { walls_of(&blocks, count, &radii, planes) } else { Default::default() };
+        let (wall_starts, walls, leaning) =
+            if settings.boundaries { walls_of(&blocks, count, &radii, settings, planes) } else { Default::default() };
 
         let summary = summary(&radii[..count]);
         let size = extent.block_sizes / blocks.len().max(1) as f64;
@@ -228,6 +256,7 @@ impl PhotonMap {
             nodes,
             wall_starts,
             walls,
+            leaning,
         }
     }
 
@@ -269,6 +298,12 @@ impl PhotonMap {
             + size_of_val(&*self.nodes)
             + size_of_val(&*self.wall_starts)
             + size_of_val(&*self.walls)
+            + size_of_val(&*self.leaning)
+    }
+
+    /// Whether some discs lie along walls.
+    pub fn leans(&self) -> bool {
+        !self.leaning.is_empty()
     }
 
     /// The discs' radii.
@@ -433,30 +468,37 @@ pub(super) fn summary(radii: &[f32]) -> Radii {
     }
 }
 
-/// Layers of walls for every block, and where each block's start; nothing if there are no walls.
+/// Where each block's layers of walls start, the layers, and which photons lean on the first; nothing if there are no
+/// walls, or none that lean.
 fn walls_of(
     blocks: &[Block],
     photons: usize,
     radii: &[f32],
+    settings: &MapSettings,
     planes: &(impl Fn(Vec3, f32, &mut SmallVec<[Plane; 3]>) + Sync),
-) -> (Vec<u32>, Vec<WallLayer>) {
-    let parts: Vec<(Vec<u32>, Vec<WallLayer>)> = blocks
+) -> (Vec<u32>, Vec<WallLayer>, Vec<u16>) {
+    let parts: Vec<(Vec<u32>, Vec<WallLayer>, Vec<u16>)> = blocks
         .par_chunks(CHUNK)
         .enumerate()
         .map(|(chunk, blocks)| {
             let mut counts = Vec::with_capacity(blocks.len());
             let mut walls: Vec<WallLayer> = Vec::new();
+            let mut leaning = vec![0u16; blocks.len()];
             let mut found = SmallVec::new();
-            for (index, block) in blocks.iter().enumerate() {
+            for (block, leaning) in blocks.iter().zip(&mut leaning) {
                 let first = walls.len();
-                let index = chunk * CHUNK + index;
+                let index = chunk * CHUNK + counts.len();
                 for lane in 0..photons_in(index, photons) {
                     let position = Vec3::from(block.position.each_ref().map(|row| row.0[lane]));
                     let radius = radii[index * LANES + lane];
                     found.clear();
                     planes(position, radius, &mut found);
-                    found.retain(|plane| plane.distance < 2.0 * radius);
+                    let (reach, leans) = settings.reach(radius);
+                    found.retain(|plane| plane.distance < reach);
                     found.sort_by(|a: &Plane, b: &Plane| a.distance.total_cmp(&b.distance));
+                    if leans && !found.is_empty() {
+                        *leaning |= 1 << lane;
+                    }
                     for (layer, plane) in found.iter().take(WALLS).enumerate() {
                         if first + layer == walls.len() {
                             walls.push(WallLayer::EMPTY);
@@ -470,7 +512,7 @@ fn walls_of(
                 }
                 counts.push((walls.len() - first) as u32);
             }
-            (counts, walls)
+            (counts, walls, leaning)
         })
         .collect();
     let total: usize = parts.iter().map(|part| part.1.len()).sum();
@@ -479,16 +521,21 @@ fn walls_of(
     }
     let mut starts = Vec::with_capacity(blocks.len() + 1);
     let mut walls = Vec::with_capacity(total);
+    let mut all_leaning = Vec::new();
+    if parts.iter().any(|part| part.2.iter().any(|&bits| bits != 0)) {
+        all_leaning.reserve_exact(blocks.len());
+        parts.iter().for_each(|part| all_leaning.extend(&part.2));
+    }
     let mut start = 0;
     starts.push(start);
-    for (counts, part) in parts {
+    for (counts, part, _) in parts {
         for count in counts {
             start += count;
             starts.push(start);
         }
         walls.extend(part);
     }
-    (starts, walls)
+    (starts, walls, all_leaning)
 }
 
 #[cfg(test)]

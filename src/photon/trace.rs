@@ -8,7 +8,9 @@ use rayon::prelude::*;
 use super::Photon;
 use super::emission::Sources;
 use crate::math::random::Purpose;
-use crate::math::{Rgb, Stream};
+use crate::math::{DVec3, Rgb, Stream};
+use crate::medium::Medium;
+use crate::medium::density::Density;
 use crate::scene::Scene;
 use crate::scene::description::SingleScattering;
 use crate::transport::{self, Crossing, Reflection, Segment, Side, Stop, Tally, Visitor, Walk, survive};
@@ -70,7 +72,7 @@ pub fn trace(
     stop: &(impl Fn() -> bool + Sync),
 ) -> Traced {
     let sources = Sources::new(scene);
-    let mut tracer = Tracer { scene, sources, forced: false, keep: 1.0 };
+    let mut tracer = Tracer { scene, sources, deep: deep(scene), forced: false, keep: 1.0 };
     let empty = || Traced { regions: vec![Vec::new(); scene.regions as usize], ..Traced::default() };
     if tracer.sources.is_empty() || !scene.media.iter().any(|medium| medium.scatters()) {
         return empty();
@@ -136,9 +138,29 @@ pub fn trace(
     traced
 }
 
+/// The least extinction by medium, of those of one density that are many mean free paths thick.
+fn deep(scene: &Scene) -> Vec<Option<f64>> {
+    let extent = scene.bounds().diagonal();
+    let least = |medium: &Medium| {
+        let extinction = medium.extinction.min_element();
+        (matches!(medium.density, Density::Uniform) && extinction * extent > THICK).then_some(extinction)
+    };
+    scene.media.iter().map(least).collect()
+}
+
+/// Scenes less thick than this many mean free paths need all their photons.
+const THICK: f64 = 16.0;
+/// Photons within this many mean free paths of where eye rays begin are all kept; deeper, as many as there is
+/// transmittance.
+const KEPT: f64 = 1.0;
+/// No fewer than at this depth.
+const DEEPEST: f64 = 8.0;
+
 struct Tracer<'s> {
     scene: &'s Scene,
     sources: Sources<'s>,
+    /// By medium, how deep a length is; `None` where all photons are kept.
+    deep: Vec<Option<f64>>,
     forced: bool,
     /// The share of photons that are kept.
     keep: f64,
@@ -269,10 +291,15 @@ impl<'s> Flight<'_, 's> {
         known: bool,
     ) -> bool {
         let scene = self.tracer.scene;
+        let depth = self.tracer.deep[medium as usize];
         let medium = &scene.media[medium as usize];
         self.collided = true;
         let power = *weight * medium.albedo;
-        let keep = self.tracer.keep;
+        let mut clear = walk.clearance(t);
+        let mut keep = self.tracer.keep;
+        if let Some(extinction) = depth {
+            keep *= self.tracer.seen(walk.ray.at(t), extinction, &mut clear);
+        }
         if !known && power.max_element() > 0.0 && (keep >= 1.0 || self.stream.uniform() < keep) {
             let photon = Photon {
                 position: walk.ray.at(t).as_vec3(),
@@ -287,7 +314,29 @@ impl<'s> Flight<'_, 's> {
         }
         let (direction, _) = medium.phase.sample(walk.ray.direction, self.stream);
         walk.turn(t, direction);
+        if depth.is_some() {
+            walk.clear(clear);
+        }
         true
+    }
+}
+
+impl Tracer<'_> {
+    /// The share of photons at `p` to keep: rays that gather light begin at surfaces and at the camera, and what is
+    /// deeper than a mean free path below these is seen by its transmittance. Photons kept carry the power of the
+    /// others. `clear` is how far the nearest surface is, at least, before and afterwards.
+    fn seen(&self, p: DVec3, extinction: f64, clear: &mut f64) -> f64 {
+        let deepest = DEEPEST / extinction;
+        if *clear < deepest {
+            // Twice as far, so that this need not be asked soon again.
+            let mut nearest = 2.0 * deepest;
+            self.scene.geometry.nearest_surfaces(p, nearest, |near| nearest = nearest.min(near.distance));
+            *clear = nearest;
+        }
+        let camera = &self.scene.camera;
+        let from_camera = p.distance(camera.position) - camera.aperture;
+        let depth = extinction * clear.min(from_camera).clamp(0.0, deepest);
+        (KEPT - depth).min(0.0).exp()
     }
 }
 

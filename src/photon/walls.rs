@@ -7,16 +7,26 @@ use crate::geometry::Near;
 use crate::math::Vec3;
 use crate::scene::Scene;
 
+/// Walls whose normals differ by less than this cosine are one: neighbouring faces of a curved mesh.
+const ONE_WALL: f64 = 0.9;
+
 /// The three nearest walls within `radius` of a photon: opaque surfaces, and boundaries of its region. A face
 /// counts where the photon stands over it, not past its edge: beyond an edge there is room. Faces that coincide
-/// are one wall.
-pub fn near(scene: &Scene, position: Vec3, radius: f32, walls: &mut SmallVec<[Plane; 3]>) {
+/// are one wall, and so are faces that hardly differ in direction.
+///
+/// If the photon's disc `leans` on the nearest wall, the nearest is any, even an edge, and its normal points to the
+/// photon: along it the distance grows.
+pub fn near(scene: &Scene, position: Vec3, radius: f32, leans: bool, walls: &mut SmallVec<[Plane; 3]>) {
     const MOST: usize = 3;
     let p = position.as_dvec3();
     let mut faces: SmallVec<[Near; 8]> = SmallVec::new();
-    scene.geometry.nearest_surfaces(p, radius as f64, |near| {
+    scene.geometry.nearest_surfaces(p, radius as f64, |mut near| {
         let above = (p - near.point).dot(near.normal);
-        if near.distance - above <= 1e-6 * near.distance {
+        let over = near.distance - above <= 1e-6 * near.distance;
+        if leans && !over {
+            near.normal = (p - near.point) / near.distance;
+        }
+        if leans || over {
             faces.push(near);
         }
     });
@@ -41,7 +51,10 @@ pub fn near(scene: &Scene, position: Vec3, radius: f32, walls: &mut SmallVec<[Pl
                 return;
             }
         }
-        faces.retain(|near| !coincides(near));
+        faces.retain(|near| {
+            let same = is_wall && near.normal.dot(first.normal) > ONE_WALL;
+            !(same || coincides(near))
+        });
     }
 }
 

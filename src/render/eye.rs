@@ -16,6 +16,7 @@ use crate::medium::{Emission, Medium};
 use crate::photon::walls;
 use crate::scene::description::SingleScattering;
 use crate::scene::{Inside, Scene};
+use crate::surface::Rough;
 use crate::transport::{
     self, Crossing, Ember, Glows, Interaction, Reflection, Rival, Segment, Side, Stop, Tally, Visitor, Walk,
     light_density, shares, transmit, transmit_straight,
@@ -138,6 +139,8 @@ enum Previous {
     Specular,
     /// At a diffuse surface.
     Surface { point: DVec3, density: f64 },
+    /// At a facet of a rough boundary: the same, but glowing media are met by chance alone.
+    Facet { point: DVec3, density: f64 },
     /// In a medium.
     Medium(Collision),
 }
@@ -276,7 +279,7 @@ impl<'s> Eye<'s> {
                         sample.albedo = match at.reflection {
                             Reflection::Lambert(lambert) => lambert.reflectance,
                             Reflection::Mirror(mirror) => mirror.reflectance,
-                            Reflection::Dielectric(..) => Rgb::ONE,
+                            Reflection::Dielectric(..) | Reflection::Rough(_) => Rgb::ONE,
                         };
                     }
                     if !self.reflect(&mut walk, &mut path, &at, sample, context) {
@@ -319,15 +322,17 @@ impl<'s> Eye<'s> {
             }
             self.light_surface(path, at, lambert.value(), sample, context);
         }
+        if let Reflection::Rough(rough) = at.reflection {
+            self.light_rough(path, at, &rough, sample, context);
+        }
         context.stream.spread(Spread::Direction);
-        let Some(direction) = at.scatter_always(Side::Eye, &mut path.weight, context.stream) else { return false };
-        path.previous = match diffuse {
-            Some(lambert) => {
-                Previous::Surface { point: at.point, density: lambert.density(at.shading_normal, direction) }
-            }
-            None => Previous::Specular,
+        let Some(onward) = at.scatter_always(Side::Eye, &mut path.weight, context.stream) else { return false };
+        path.previous = match (diffuse, onward.density) {
+            (Some(_), density) => Previous::Surface { point: at.point, density },
+            (None, density) if density > 0.0 => Previous::Facet { point: at.point, density },
+            _ => Previous::Specular,
         };
-        walk.leave(at, direction);
+        walk.leave(at, onward.direction);
         self.outlives(path, context.stream)
     }
 
@@ -371,7 +376,7 @@ impl<'s> Eye<'s> {
     /// Who else sends a path the light of a medium.
     fn rival(&self, path: &Path, medium: u32) -> Option<Rival<'_>> {
         match &path.previous {
-            Previous::Specular => None,
+            Previous::Specular | Previous::Facet { .. } => None,
             Previous::Surface { point, density } => self.glows.rival(medium, *point, self.embers(path), *density),
             Previous::Medium(at) => self.glows.rival(medium, at.point, self.embers(path), at.phase_density),
         }
@@ -399,6 +404,33 @@ impl<'s> Eye<'s> {
         let density = choice * arrival.density;
         let share = if arrival.has_size { density / (density + cos / PI) } else { 1.0 };
         let mut weight = path.weight * value * arrival.radiance * (cos * share / density);
+        let (ray, inside) = at.departure(arrival.direction);
+        transmit(self.scene, ray, &inside, arrival.distance, &mut weight, context.stream);
+        sample.radiance[path.component(true) as usize] += weight;
+    }
+
+    /// Light straight from a light, reflected or refracted by a facet of a rough boundary. What more than one facet
+    /// sends is met by chance only.
+    fn light_rough(
+        &self,
+        path: &Path,
+        at: &Interaction,
+        rough: &Rough,
+        sample: &mut Sample,
+        context: &mut Context<'_>,
+    ) {
+        context.stream.spread(Spread::LightChoice);
+        let Some((index, choice)) = self.scene.choose_light(at.point, context.stream) else { return };
+        let light = &self.scene.lights[index as usize];
+        context.stream.spread(Spread::Light);
+        let Some(arrival) = light.arrive(&self.scene.geometry, at.point, context.stream) else { return };
+        let facet = at.facet(rough, arrival.direction, shares(path.weight));
+        if facet.value.max_element() <= 0.0 {
+            return;
+        }
+        let asked = choice * arrival.density;
+        let by_chance = if arrival.has_size { facet.density } else { Rgb::ZERO };
+        let mut weight = path.weight * facet.value * arrival.radiance / (by_chance + asked);
         let (ray, inside) = at.departure(arrival.direction);
         transmit(self.scene, ray, &inside, arrival.distance, &mut weight, context.stream);
         sample.radiance[path.component(true) as usize] += weight;
@@ -512,7 +544,9 @@ impl<'s> Eye<'s> {
             let asked = |point| self.scene.light_choice(index as u32, point) * light.escaping_density(direction);
             let share = match &path.previous {
                 Previous::Specular => 1.0,
-                Previous::Surface { point, density } => density / (density + asked(*point)),
+                Previous::Surface { point, density } | Previous::Facet { point, density } => {
+                    density / (density + asked(*point))
+                }
                 Previous::Medium(at) => at.phase_density / (at.phase_density + asked(at.point)),
             };
             sample.radiance[component] += path.weight * radiance * share;
@@ -524,7 +558,7 @@ impl<'s> Eye<'s> {
         let direction = crossing.ray.direction;
         match &path.previous {
             Previous::Specular => 1.0,
-            Previous::Surface { point, density } => {
+            Previous::Surface { point, density } | Previous::Facet { point, density } => {
                 density / (density + light_density(self.scene, crossing, *point, direction))
             }
             Previous::Medium(at) => {
@@ -638,7 +672,7 @@ impl Passage<'_, '_, '_> {
         let (reach, counts) = self.reach(segment);
         if counts {
             let scene = self.eye.scene;
-            let near = |position, radius, planes: &mut _| walls::near(scene, position, radius, planes);
+            let near = |position, radius, planes: &mut _| walls::near(scene, position, radius, false, planes);
             let Context { queue, stream, .. } = &mut *self.context;
             let stretch = (medium, &reach, self.path.weight);
             let gathered = maps.gather(stretch, &near, stream, &mut queue.marching, &mut queue.stats);

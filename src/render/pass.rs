@@ -371,7 +371,7 @@ impl<P: Progress> Renderer<'_, P> {
         progress.phase("build", 0);
         let scale = narrowing(pass / self.plan.parts, self.plan.dimension) as f32;
         let maps = match &self.plan.points {
-            None => Maps::Beams(beam_maps(scene, &self.plan, scale, traced.regions)),
+            None => Maps::Beams(beam_maps(scene, &self.plan, scale, &extinctions, traced.regions)),
             Some(points) => Maps::Points(point_maps(scene, points, scale, traced.regions)),
         };
         let summaries = maps.summaries();
@@ -424,12 +424,28 @@ impl Maps {
     }
 }
 
-fn beam_maps(scene: &Scene, plan: &Plan, scale: f32, regions: Vec<Vec<Photon>>) -> VolumeMaps {
-    let settings = MapSettings { tagged: plan.tagged, scale, profile: plan.profile, ..MapSettings::new(plan.radius) };
-    // The disc is drawn around a foot point that may be a radius away from the photon.
-    let near = |position, radius, planes: &mut _| walls::near(scene, position, 2.0 * radius, planes);
-    let build = |photons: Vec<Photon>| (!photons.is_empty()).then(|| PhotonMap::build(photons, &settings, &near));
-    VolumeMaps::new(regions.into_iter().map(build).collect(), &scene.media)
+fn beam_maps(
+    scene: &Scene,
+    plan: &Plan,
+    scale: f32,
+    extinctions: &[f64],
+    regions: Vec<Vec<Photon>>,
+) -> VolumeMaps {
+    let build = |(photons, extinction): (Vec<Photon>, &f64)| {
+        let settings = MapSettings {
+            tagged: plan.tagged,
+            scale,
+            profile: plan.profile,
+            mean_free_path: (1.0 / extinction) as f32,
+            ..MapSettings::new(plan.radius)
+        };
+        let near = |position, radius, planes: &mut _| {
+            let (reach, leans) = settings.reach(radius);
+            walls::near(scene, position, reach, leans, planes);
+        };
+        (!photons.is_empty()).then(|| PhotonMap::build(photons, &settings, &near))
+    };
+    VolumeMaps::new(regions.into_iter().zip(extinctions).map(build).collect(), &scene.media)
 }
 
 fn point_maps(scene: &Scene, points: &Points, scale: f32, regions: Vec<Vec<Photon>>) -> PointMaps {

@@ -548,7 +548,9 @@ fn material(kind: &MaterialKind) -> Material {
     match kind {
         MaterialKind::Lambert { reflectance } => Material::Lambert(Lambert { reflectance: *reflectance }),
         MaterialKind::Mirror { reflectance } => Material::Mirror(Mirror { reflectance: *reflectance }),
-        MaterialKind::Dielectric { ior } => Material::Dielectric(Dielectric { index: *ior }),
+        MaterialKind::Dielectric { ior, roughness } => {
+            Material::Dielectric(Dielectric { index: *ior, roughness: *roughness })
+        }
         MaterialKind::None => Material::None,
     }
 }

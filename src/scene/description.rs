@@ -424,10 +424,12 @@ pub enum MaterialKind {
         /// In \[0, 1\].
         reflectance: Rgb,
     },
-    /// A smooth refracting boundary.
+    /// A refracting boundary.
     Dielectric {
         /// The absolute index of refraction by channel, above 0.
         ior: Rgb,
+        /// GGX's α, in \[0, 1\]; 0 is smooth.
+        roughness: f64,
     },
     /// An index-matched boundary: light passes, only the medium changes.
     None,

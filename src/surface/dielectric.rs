@@ -1,10 +1,12 @@
-use crate::math::{DVec3, Rgb};
+use crate::math::{DVec3, Rgb, Stream};
 
-/// A smooth boundary: reflects and refracts by Fresnel's equations.
+/// A boundary that reflects and refracts by Fresnel's equations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dielectric {
     /// The absolute index of refraction inside, per channel.
     pub index: Rgb,
+    /// GGX's α: see [`Rough`](super::Rough); 0 is smooth.
+    pub roughness: f64,
 }
 
 impl Dielectric {
@@ -15,6 +17,34 @@ impl Dielectric {
         let ratio = from / to;
         let sin2 = ratio * ratio * (1.0 - cos * cos).max(0.0);
         (sin2 < 1.0).then(|| (ratio * direction + (ratio * cos - (1.0 - sin2).sqrt()) * normal).normalize())
+    }
+
+    /// Whether a boundary between these indices sends the channels different ways.
+    pub fn disperses(from: Rgb, to: Rgb) -> bool {
+        from != Rgb::splat(from.x) || to != Rgb::splat(to.x)
+    }
+
+    /// The channel by whose indices refracted light goes on. Where the channels part, it is drawn by their shares of
+    /// `weight`, and carries on with the weight of all; `None` where there is none.
+    pub fn channel(from: Rgb, to: Rgb, weight: &mut Rgb, stream: &mut Stream) -> Option<usize> {
+        if !Self::disperses(from, to) {
+            return Some(0);
+        }
+        let sum = weight.element_sum();
+        let u = stream.uniform() * sum;
+        let channel = if u < weight.x {
+            0
+        } else if u < weight.x + weight.y {
+            1
+        } else {
+            2
+        };
+        if weight[channel] <= 0.0 {
+            return None;
+        }
+        *weight = Rgb::ZERO;
+        weight[channel] = sum;
+        Some(channel)
     }
 }
 

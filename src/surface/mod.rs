@@ -3,10 +3,12 @@
 mod dielectric;
 mod lambert;
 mod mirror;
+mod rough;
 
 pub use dielectric::{Dielectric, fresnel};
 pub use lambert::Lambert;
 pub use mirror::Mirror;
+pub use rough::{Facet, Leaving, Rough};
 
 use crate::math::Rgb;
 
@@ -17,7 +19,7 @@ pub enum Material {
     Lambert(Lambert),
     /// Specular reflection.
     Mirror(Mirror),
-    /// A smooth boundary between indices of refraction.
+    /// A boundary between indices of refraction.
     Dielectric(Dielectric),
     /// No surface: light passes, only the medium changes.
     None,

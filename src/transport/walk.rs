@@ -6,7 +6,7 @@ use super::roulette::{shares, survive};
 use crate::geometry::{Cluster, Hit};
 use crate::math::{DVec3, Ray, Rgb, Stream, error_bound};
 use crate::scene::{Inside, Scene};
-use crate::surface::{Dielectric, Lambert, Material, Mirror, fresnel};
+use crate::surface::{Dielectric, Facet, Lambert, Material, Mirror, Rough, fresnel};
 
 /// A photon or an eye path on its way.
 #[derive(Clone)]
@@ -20,6 +20,8 @@ pub struct Walk<'s> {
     crossed: f64,
     /// Nothing beyond is of interest.
     limit: f64,
+    /// There is no surface so near to the ray's origin.
+    clear: f64,
     /// Whether it has yet to find out on which side of a boundary it starts.
     starts: bool,
     /// The solids around it.
@@ -101,6 +103,17 @@ pub enum Reflection {
     Mirror(Mirror),
     /// Reflects and refracts: the indices on this side and beyond.
     Dielectric(Rgb, Rgb),
+    /// The same, by facets.
+    Rough(Rough),
+}
+
+/// Where light goes on from a surface.
+#[derive(Clone, Copy, Debug)]
+pub struct Onward {
+    /// The unit direction of travel.
+    pub direction: DVec3,
+    /// Its density per steradian; 0 where light from there cannot be asked for.
+    pub density: f64,
 }
 
 /// Whether a walk carries the power of photons or the importance of an eye.
@@ -116,7 +129,7 @@ impl<'s> Walk<'s> {
     /// A walk that starts with `ray`, inside these solids.
     pub fn new(scene: &'s Scene, ray: Ray, inside: Inside) -> Self {
         let cluster = Cluster::default();
-        Walk { scene, ray, t: 0.0, crossed: 0.0, limit: f64::INFINITY, starts: false, inside, cluster }
+        Walk { scene, ray, t: 0.0, crossed: 0.0, limit: f64::INFINITY, clear: 0.0, starts: false, inside, cluster }
     }
 
     /// The same from a light or a camera, which may stand on a boundary of `inside`: then the direction
@@ -134,6 +147,15 @@ impl<'s> Walk<'s> {
 
     /// Goes on to the next surface that does something, through boundaries that do not.
     pub fn advance(&mut self, visitor: &mut impl Visitor) -> Stop {
+        if self.t < self.clear
+            && let Some(medium) = self.scene.medium(&self.inside)
+        {
+            let segment = Segment { ray: &self.ray, a: self.t, b: self.clear, medium, inside: &self.inside };
+            if visitor.segment(&segment).is_break() {
+                return Stop::Ended;
+            }
+            (self.t, self.crossed) = (self.clear, self.clear);
+        }
         loop {
             self.scene.geometry.intersect(&self.ray, self.crossed, self.limit, &mut self.cluster);
             if std::mem::take(&mut self.starts) {
@@ -180,13 +202,15 @@ impl<'s> Walk<'s> {
             match self.scene.surfaces[hit.id as usize].material {
                 Material::Lambert(lambert) => return Some((*hit, Reflection::Lambert(lambert))),
                 Material::Mirror(mirror) => return Some((*hit, Reflection::Mirror(mirror))),
-                Material::Dielectric(_) if boundary.is_none() => boundary = Some(*hit),
+                Material::Dielectric(dielectric) if boundary.is_none() => boundary = Some((*hit, dielectric.roughness)),
                 Material::Dielectric(_) | Material::None => {}
             }
         }
-        let hit = boundary?;
+        let (hit, alpha) = boundary?;
         let (from, to) = (self.scene.index(&self.inside), self.scene.index(after));
-        (from != to).then_some((hit, Reflection::Dielectric(from, to)))
+        let reflection =
+            if alpha > 0.0 { Reflection::Rough(Rough { from, to, alpha }) } else { Reflection::Dielectric(from, to) };
+        (from != to).then_some((hit, reflection))
     }
 
     fn interaction(&self, hit: Hit, reflection: Reflection, after: Inside) -> Interaction {
@@ -215,6 +239,19 @@ impl<'s> Walk<'s> {
         self.ray = Ray::new(self.ray.at(t), direction);
         self.t = 0.0;
         self.crossed = 0.0;
+        self.clear = (self.clear - t).max(0.0);
+    }
+
+    /// How far the nearest surface is from parameter `t` of the line, at least.
+    pub fn clearance(&self, t: f64) -> f64 {
+        (self.clear - t).max(0.0)
+    }
+
+    /// Tells that there is no surface within `clear` of the ray's origin: it need not be looked for so near.
+    /// Segments end there, too.
+    pub fn clear(&mut self, clear: f64) {
+        // Distances are exact to roundings of the coordinates.
+        self.clear = (clear * (1.0 - 1e-6) - error_bound(&self.ray, clear)).max(0.0);
     }
 
     /// Leaves a surface along `direction`, on the side that points to.
@@ -224,6 +261,7 @@ impl<'s> Walk<'s> {
         self.inside = inside;
         self.t = 0.0;
         self.crossed = 0.0;
+        self.clear = 0.0;
     }
 }
 
@@ -237,11 +275,11 @@ impl Interaction {
 
     /// Draws where light goes on from a surface; weights `weight` for it, with roulette. `None` ends the walk.
     pub fn scatter(&self, side: Side, weight: &mut Rgb, stream: &mut Stream) -> Option<DVec3> {
-        self.scatter_and(side, weight, stream, survive)
+        self.scatter_and(side, weight, stream, survive).map(|onward| onward.direction)
     }
 
     /// As [`Interaction::scatter`], the roulette left to the caller.
-    pub fn scatter_always(&self, side: Side, weight: &mut Rgb, stream: &mut Stream) -> Option<DVec3> {
+    pub fn scatter_always(&self, side: Side, weight: &mut Rgb, stream: &mut Stream) -> Option<Onward> {
         self.scatter_and(side, weight, stream, |weight, factor, _| {
             *weight *= factor;
             true
@@ -254,29 +292,63 @@ impl Interaction {
         weight: &mut Rgb,
         stream: &mut Stream,
         survive: impl Fn(&mut Rgb, Rgb, &mut Stream) -> bool,
-    ) -> Option<DVec3> {
+    ) -> Option<Onward> {
+        let specular = |direction| Onward { direction, density: 0.0 };
         match self.reflection {
             Reflection::Lambert(lambert) => {
                 let direction = lambert.sample(self.shading_normal, stream);
-                let out = direction.dot(self.normal);
-                if out <= 0.0 {
+                if direction.dot(self.normal) <= 0.0 {
                     return None;
                 }
-                let mut factor = lambert.reflectance;
-                if side == Side::Light && self.shading_normal != self.normal {
-                    // Shading normals break the symmetry of light and eye (Veach 1996).
-                    let arriving = self.direction.dot(self.shading_normal) / self.direction.dot(self.normal);
-                    let leaving = out / direction.dot(self.shading_normal);
-                    factor *= (arriving * leaving).abs();
-                }
-                survive(weight, factor, stream).then_some(direction)
+                let factor = lambert.reflectance * self.adjoint(side, self.shading_normal, direction);
+                let density = lambert.density(self.shading_normal, direction);
+                survive(weight, factor, stream).then_some(Onward { direction, density })
             }
             Reflection::Mirror(mirror) => {
                 let normal = self.specular_normal(|normal| Some(Mirror::reflect(self.direction, normal)), true);
-                survive(weight, mirror.reflectance, stream).then(|| Mirror::reflect(self.direction, normal))
+                let direction = Mirror::reflect(self.direction, normal);
+                let factor = mirror.reflectance * self.adjoint(side, normal, direction);
+                survive(weight, factor, stream).then_some(specular(direction))
             }
-            Reflection::Dielectric(from, to) => self.refract(from, to, side, weight, stream),
+            Reflection::Dielectric(from, to) => self.refract(from, to, side, weight, stream).map(specular),
+            Reflection::Rough(rough) => {
+                let leaving = rough.sample(self.direction, self.shading_normal, weight, stream)?;
+                let direction = leaving.direction;
+                let through = direction.dot(self.shading_normal) < 0.0;
+                if through != (direction.dot(self.normal) < 0.0) {
+                    return None;
+                }
+                *weight *= self.adjoint(side, self.shading_normal, direction);
+                if through && side == Side::Eye {
+                    *weight *= (rough.from / rough.to).powf(2.0);
+                }
+                Some(Onward { direction, density: leaving.density })
+            }
         }
+    }
+
+    /// What one facet of a rough boundary sends to an eye of light from `direction`: f |cos θ|, and the density with
+    /// which [`Interaction::scatter_always`] draws that direction. `shares` are the channels' of the path's weight.
+    pub fn facet(&self, rough: &Rough, direction: DVec3, shares: Rgb) -> Facet {
+        let mut facet = rough.facet(self.direction, self.shading_normal, direction, shares);
+        let through = direction.dot(self.shading_normal) < 0.0;
+        if through != (direction.dot(self.normal) < 0.0) {
+            facet.value = Rgb::ZERO;
+        } else if through {
+            facet.value *= (rough.from / rough.to).powf(2.0);
+        }
+        facet
+    }
+
+    /// Shading normals break the symmetry of light and eye: |i·s| |o·g| / (|i·g| |o·s|) for photons that arrive
+    /// along i and leave along o, with the normal g and the shading normal s (Veach 1996).
+    fn adjoint(&self, side: Side, shading_normal: DVec3, direction: DVec3) -> f64 {
+        if side == Side::Eye || shading_normal == self.normal {
+            return 1.0;
+        }
+        let arriving = self.direction.dot(shading_normal) / self.direction.dot(self.normal);
+        let leaving = direction.dot(self.normal) / direction.dot(shading_normal);
+        (arriving * leaving).abs()
     }
 
     /// The shading normal where its outcome lies on the right side of the surface, else the geometric one.
@@ -291,32 +363,17 @@ impl Interaction {
         let reflected = Rgb::from_array(std::array::from_fn(|c| fresnel(cos, from[c], to[c])));
         let chance = (shares(*weight) * reflected).element_sum();
         if stream.uniform() < chance {
-            *weight *= reflected / chance;
-            return Some(Mirror::reflect(self.direction, normal));
+            let direction = Mirror::reflect(self.direction, normal);
+            *weight *= reflected / chance * self.adjoint(side, normal, direction);
+            return Some(direction);
         }
         *weight *= (Rgb::ONE - reflected) / (1.0 - chance);
-        let mut channel = 0;
-        if from != Rgb::splat(from.x) || to != Rgb::splat(to.x) {
-            // Dispersion: the channels part; one goes on with the weight of all.
-            let w = shares(*weight);
-            let u = stream.uniform();
-            channel = if u < w.x {
-                0
-            } else if u < w.x + w.y {
-                1
-            } else {
-                2
-            };
-            if w[channel] <= 0.0 {
-                return None;
-            }
-            let sum = weight.element_sum();
-            *weight = Rgb::ZERO;
-            weight[channel] = sum;
-        }
+        let channel = Dielectric::channel(from, to, weight, stream)?;
         let (from, to) = (from[channel], to[channel]);
         let bend = |normal| Dielectric::refract(self.direction, normal, from, to);
-        let direction = bend(self.specular_normal(bend, false))?;
+        let normal = self.specular_normal(bend, false);
+        let direction = bend(normal)?;
+        *weight *= self.adjoint(side, normal, direction);
         if side == Side::Eye {
             *weight *= (from / to).powi(2);
         }

@@ -34,11 +34,8 @@ pub(super) fn material(name: &str, item: &Item) -> Read<Material> {
         }
         Kind::Dielectric => {
             let ior = table.get_or("ior", Rgb::splat(1.5), Item::positive_colour);
-            let roughness = table.get("roughness", |item| match item.within(0.0, 1.0)? {
-                0.0 => Ok(()),
-                _ => Err(item.unsupported("a rough dielectric is")),
-            });
-            roughness.and(ior).map(|ior| MaterialKind::Dielectric { ior })
+            let roughness = table.get_or("roughness", 0.0, |item| item.within(0.0, 1.0));
+            roughness.and_then(|roughness| Ok(MaterialKind::Dielectric { ior: ior?, roughness }))
         }
         Kind::None => Ok(MaterialKind::None),
     };

@@ -110,7 +110,7 @@ fn lights_without_size(scene: &Description, warnings: &mut Vec<String>) {
     }
     let specular = |shape: &&Shape| match scene.materials[shape.material.value].kind {
         MaterialKind::Mirror { .. } => shape.visible,
-        MaterialKind::Dielectric { ior } => shape.visible && ior != Rgb::ONE,
+        MaterialKind::Dielectric { ior, .. } => shape.visible && ior != Rgb::ONE,
         _ => false,
     };
     let without_size = |light: &&Light| {

@@ -1,0 +1,312 @@
+use std::f64::consts::{PI, TAU};
+
+use super::{Dielectric, Mirror, fresnel};
+use crate::math::{DVec3, Frame, Rgb, Stream};
+
+/// A rough boundary between two indices of refraction, met from one side: mirror-like facets, each of which
+/// reflects and refracts by Fresnel's equations, with normals distributed by GGX (Walter, Marschner, Li and
+/// Torrance 2007, Eqs. 33–34):
+///
+/// D(m) = α² / (π ((α² − 1) cos²θ_m + 1)²),  G₁(v) = 2 / (1 + √(1 + α² tan²θ_v)).
+///
+/// Light that a facet sends onto other facets is followed until it leaves: with the probability G₁ each time it
+/// points away from the surface, whatever it did before. What one facet alone sends is so Walter's D G₁(i) G₁(o),
+/// and all orders together lose nothing and are reciprocal: every order is a product of 1/((1 + Λ) |cos θ|) for each
+/// direction on the way, the same both ways (after Heitz, Hanika, d'Eon and Dachsbacher 2016, with heights that are
+/// forgotten from one facet to the next).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rough {
+    /// The index of refraction on the side of arrival, by channel.
+    pub from: Rgb,
+    /// Beyond.
+    pub to: Rgb,
+    /// α, above 0.
+    pub alpha: f64,
+}
+
+/// Where light goes on from a rough boundary.
+#[derive(Clone, Copy, Debug)]
+pub struct Leaving {
+    /// The unit direction of travel.
+    pub direction: DVec3,
+    /// The density per steradian with which one facet sends light there; 0 if several were met, or if there is
+    /// none: then nothing else can find this light.
+    pub density: f64,
+}
+
+/// What one facet alone does.
+#[derive(Clone, Copy, Debug)]
+pub struct Facet {
+    /// The share of the power that arrives which leaves per steradian: f |cos θ_o| for power.
+    pub value: Rgb,
+    /// The density with which [`Rough::sample`] draws the direction by one facet, where it is this channel that
+    /// goes there.
+    pub density: Rgb,
+}
+
+/// Facets that light meets in one visit, at most; 1 in 10⁶ meets more than thirty.
+const MOST_FACETS: u32 = 1000;
+
+/// Closer indices than this do not bend light: there is no density.
+const MATCHED: f64 = 1e-9;
+
+/// Each channel's share.
+fn shares(weight: Rgb) -> Rgb {
+    let sum = weight.element_sum();
+    if sum > 0.0 { weight / sum } else { Rgb::splat(1.0 / 3.0) }
+}
+
+impl Rough {
+    /// Draws where light goes on that travels along `direction`, against the unit `normal`, and weights `weight`
+    /// for it, as power: refraction does not change it.
+    pub fn sample(&self, direction: DVec3, normal: DVec3, weight: &mut Rgb, stream: &mut Stream) -> Option<Leaving> {
+        let frame = Frame::around(normal);
+        let arriving = shares(*weight);
+        // In coordinates whose z points away from the surface on the side where the light is.
+        let mut travel = frame.to_local(direction);
+        let (mut from, mut to, mut beyond) = (self.from, self.to, false);
+        for facets in 1..=MOST_FACETS {
+            let facet = self.visible(-travel, stream.uniform2());
+            let cos = -travel.dot(facet);
+            let reflected = Rgb::from_array(std::array::from_fn(|c| fresnel(cos, from[c], to[c])));
+            let chance = (shares(*weight) * reflected).element_sum();
+            if stream.uniform() < chance {
+                *weight *= reflected / chance;
+                travel = Mirror::reflect(travel, facet);
+            } else {
+                *weight *= (Rgb::ONE - reflected) / (1.0 - chance);
+                let channel = Dielectric::channel(from, to, weight, stream)?;
+                travel = Dielectric::refract(travel, facet, from[channel], to[channel])?;
+                travel.z = -travel.z;
+                beyond = !beyond;
+                std::mem::swap(&mut from, &mut to);
+            }
+            if travel.z > 0.0 && stream.uniform() < self.unmasked(travel.z) {
+                if beyond {
+                    travel.z = -travel.z;
+                }
+                let leaving = frame.to_world(travel).normalize();
+                let density = match facets {
+                    1 => {
+                        let by_channel = self.facet(direction, normal, leaving, arriving).density;
+                        // Where the channels part, all but one have no weight; else they have one density.
+                        (0..3).filter(|&c| weight[c] > 0.0).map(|c| by_channel[c]).fold(0.0, f64::max)
+                    }
+                    _ => 0.0,
+                };
+                return Some(Leaving { direction: leaving, density });
+            }
+        }
+        None
+    }
+
+    /// What one facet sends along `leaving` of light that travels along `direction`, against the unit `normal`,
+    /// where the channels have these `shares` of it (Walter et al. 2007, Eqs. 17, 20 and 21).
+    pub fn facet(&self, direction: DVec3, normal: DVec3, leaving: DVec3, shares: Rgb) -> Facet {
+        let frame = Frame::around(normal);
+        let (i, o) = (-frame.to_local(direction), frame.to_local(leaving));
+        let none = Facet { value: Rgb::ZERO, density: Rgb::ZERO };
+        if i.z <= 0.0 || o.z == 0.0 {
+            return none;
+        }
+        let passes = self.unmasked(o.z);
+        let reflected =
+            |cos: f64| -> Rgb { Rgb::from_array(std::array::from_fn(|c| fresnel(cos, self.from[c], self.to[c]))) };
+        if o.z > 0.0 {
+            let Some(half) = (i + o).try_normalize() else { return none };
+            let cos = i.dot(half);
+            if cos <= 0.0 {
+                return none;
+            }
+            let density = passes * self.visible_density(i, half) / (4.0 * cos);
+            let reflected = reflected(cos);
+            return Facet { value: reflected * density, density: Rgb::splat((shares * reflected).element_sum() * density) };
+        }
+        let disperses = Dielectric::disperses(self.from, self.to);
+        let mut facet = none;
+        for channel in 0..3 {
+            let (from, to) = (self.from[channel], self.to[channel]);
+            if (from - to).abs() < MATCHED {
+                continue;
+            }
+            let Some(half) = (from * i + to * o).try_normalize() else { continue };
+            let half = if half.z < 0.0 { -half } else { half };
+            let (before, after) = (i.dot(half), o.dot(half));
+            if before <= 0.0 || after >= 0.0 {
+                continue;
+            }
+            let bend = to * to * after.abs() / (from * before + to * after).powi(2);
+            let density = passes * self.visible_density(i, half) * bend;
+            let value = (1.0 - fresnel(before, from, to)) * density;
+            facet.value[channel] = value;
+            facet.density[channel] = if disperses { shares[channel] * value } else { value };
+        }
+        facet
+    }
+
+    /// G₁ for a direction with this cosine to the normal.
+    fn unmasked(&self, cos: f64) -> f64 {
+        let tan2 = (1.0 - cos * cos).max(0.0) / (cos * cos);
+        2.0 / (1.0 + (1.0 + self.alpha * self.alpha * tan2).sqrt())
+    }
+
+    /// The density of the normals of facets as seen from `v` above the surface: D G₁ (v·m)/cos θ_v.
+    fn visible_density(&self, v: DVec3, m: DVec3) -> f64 {
+        let a2 = self.alpha * self.alpha;
+        // (α² − 1) cos² + 1 = α² cos² + sin², without cancellation for small α.
+        let spread = a2 * m.z * m.z + (m.x * m.x + m.y * m.y);
+        a2 / (PI * spread * spread) * self.unmasked(v.z) * v.dot(m).max(0.0) / v.z
+    }
+
+    /// Draws the normal of a facet as seen from `v`, above the surface or below it (Heitz 2018, whose half disc
+    /// and half ellipse become a crescent for directions from below).
+    fn visible(&self, v: DVec3, [u1, u2]: [f64; 2]) -> DVec3 {
+        let stretched = DVec3::new(self.alpha * v.x, self.alpha * v.y, v.z).normalize();
+        let across = stretched.x * stretched.x + stretched.y * stretched.y;
+        let t1 = if across > 0.0 { DVec3::new(-stretched.y, stretched.x, 0.0) / across.sqrt() } else { DVec3::X };
+        let t2 = stretched.cross(t1);
+        let (sin, cos) = (TAU * u2).sin_cos();
+        let (p1, full) = (u1.sqrt() * cos, u1.sqrt() * sin);
+        let s = 0.5 * (1.0 + stretched.z);
+        let p2 = (1.0 - s) * (1.0 - p1 * p1).max(0.0).sqrt() + s * full;
+        let p3 = (1.0 - p1 * p1 - p2 * p2).max(0.0).sqrt();
+        let normal = p1 * t1 + p2 * t2 + p3 * stretched;
+        DVec3::new(self.alpha * normal.x, self.alpha * normal.y, normal.z.max(1e-9)).normalize()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::random::Purpose;
+
+    fn random(index: u64) -> Stream {
+        Stream::new(23, Purpose::Test, index, 0)
+    }
+
+    fn slanted(sin: f64) -> DVec3 {
+        DVec3::new(0.8 * sin, 0.6 * sin, -(1.0 - sin * sin).sqrt())
+    }
+
+    fn rough(from: f64, to: f64, alpha: f64) -> Rough {
+        Rough { from: Rgb::splat(from), to: Rgb::splat(to), alpha }
+    }
+
+    /// Single facets against their density by χ², over cells of the sphere; facets beyond the first make up the
+    /// rest, and nothing is lost.
+    #[test]
+    fn sampling_follows_the_density_and_loses_nothing() {
+        const N: usize = 400_000;
+        const COS: usize = 40;
+        const TURN: usize = 24;
+        // Cells are halved so often that the density is even in each.
+        const FINE: usize = 24;
+        for (case, &(from, to, alpha, sin)) in [
+            (1.0, 1.5, 0.3, 0.5),
+            (1.5, 1.0, 0.3, 0.5),
+            (1.5, 1.0, 0.6, 0.9),
+            (1.0, 1.3, 1.0, 0.99),
+            (1.33, 1.5, 0.2, 0.0),
+            (1.0, 1.5, 0.15, 0.95),
+        ]
+        .iter()
+        .enumerate()
+        {
+            let (boundary, direction) = (rough(from, to, alpha), slanted(sin));
+            let mut stream = random(case as u64);
+            let mut counts = vec![0u32; COS * TURN];
+            let mut single = 0;
+            for _ in 0..N {
+                let mut weight = Rgb::ONE;
+                let leaving = boundary.sample(direction, DVec3::Z, &mut weight, &mut stream).expect("nothing is lost");
+                assert!((weight - Rgb::ONE).abs().max_element() < 1e-12, "{weight}");
+                if leaving.density > 0.0 {
+                    single += 1;
+                    let o = leaving.direction;
+                    let row = ((0.5 * (o.z + 1.0)) * COS as f64) as usize;
+                    let turn = (o.y.atan2(o.x) / TAU + 0.5).rem_euclid(1.0);
+                    counts[row.min(COS - 1) * TURN + (turn * TURN as f64) as usize] += 1;
+                }
+            }
+            let cell = 4.0 * PI / (COS * TURN * FINE * FINE) as f64;
+            let (mut chi2, mut cells, mut total) = (0.0, 0, 0.0);
+            for row in 0..COS {
+                for column in 0..TURN {
+                    let mut expected = 0.0;
+                    for k in 0..FINE * FINE {
+                        let z = 2.0 * (row as f64 + ((k / FINE) as f64 + 0.5) / FINE as f64) / COS as f64 - 1.0;
+                        let turn = (column as f64 + ((k % FINE) as f64 + 0.5) / FINE as f64) / TURN as f64 - 0.5;
+                        let (s, c) = (TAU * turn).sin_cos();
+                        let across = (1.0 - z * z).sqrt();
+                        let o = DVec3::new(across * c, across * s, z);
+                        expected += boundary.facet(direction, DVec3::Z, o, Rgb::splat(1.0 / 3.0)).density.x * cell;
+                    }
+                    total += expected;
+                    let expected = expected * N as f64;
+                    if expected >= 10.0 {
+                        let error = f64::from(counts[row * TURN + column]) - expected;
+                        // Cells are integrated to a fraction of a per cent.
+                        chi2 += error * error / (expected + (0.004 * expected).powi(2));
+                        cells += 1;
+                    }
+                }
+            }
+            let share = single as f64 / N as f64;
+            assert!((share - total).abs() < 0.005, "{from} {to} {alpha} {sin}: {share} against {total}");
+            let limit = cells as f64 + 5.0 * (2.0 * cells as f64).sqrt();
+            assert!(cells > 20 && chi2 < limit, "{from} {to} {alpha} {sin}: χ² {chi2} over {cells} cells");
+        }
+    }
+
+    /// f(i → o)/n_o² = f(o → i)/n_i², for reflection and refraction.
+    #[test]
+    fn facets_are_reciprocal() {
+        let mut stream = random(100);
+        let mut compared = 0;
+        for _ in 0..20_000 {
+            let alpha = 0.05 + 0.9 * stream.uniform();
+            let (there, back) = (rough(1.0, 1.5, alpha), rough(1.5, 1.0, alpha));
+            let i = crate::math::sampling::sphere(stream.uniform2());
+            let o = crate::math::sampling::sphere(stream.uniform2());
+            let (boundary, returning) = (if i.z > 0.0 { there } else { back }, if o.z > 0.0 { there } else { back });
+            let even = Rgb::splat(1.0 / 3.0);
+            let side = |v: DVec3| if v.z > 0.0 { DVec3::Z } else { -DVec3::Z };
+            let forth = boundary.facet(-i, side(i), o, even).value.x / o.z.abs();
+            let reverse = returning.facet(-o, side(o), i, even).value.x / i.z.abs();
+            let index = |v: DVec3| if v.z > 0.0 { 1.0 } else { 1.5f64 };
+            let (a, b) = (forth / index(o).powi(2), reverse / index(i).powi(2));
+            assert!((a - b).abs() <= 1e-9 * a.max(b), "{i} {o} {alpha}: {a} {b}");
+            compared += usize::from(a > 0.0);
+        }
+        assert!(compared > 5000);
+    }
+
+    /// All facets together: as much goes from one cone into another as back, by n² and projected solid angle.
+    #[test]
+    fn many_facets_are_reciprocal() {
+        let alpha = 0.8;
+        let count = |from: f64, to: f64, lit: (f64, f64), seen: (f64, f64), index: u64| {
+            let boundary = rough(from, to, alpha);
+            let mut stream = random(index);
+            let mut met = 0;
+            const N: usize = 400_000;
+            for _ in 0..N {
+                // Cosines squared are even in projected solid angle.
+                let cos = (lit.0 + (lit.1 - lit.0) * stream.uniform()).sqrt();
+                let mut weight = Rgb::ONE;
+                let direction = -crate::math::sampling::direction(cos, stream.uniform());
+                let leaving = boundary.sample(direction, DVec3::Z, &mut weight, &mut stream).expect("nothing is lost");
+                let (cos2, z) = (leaving.direction.z.powi(2), leaving.direction.z);
+                met += u32::from(z < 0.0 && leaving.density == 0.0 && cos2 >= seen.0 && cos2 < seen.1);
+            }
+            let share = f64::from(met) / N as f64;
+            (share * (lit.1 - lit.0) * from * from, share.sqrt() / (N as f64).sqrt() * (lit.1 - lit.0) * from * from)
+        };
+        for (k, (a, b)) in [((0.1, 0.4), (0.5, 0.9)), ((0.6, 1.0), (0.3, 0.6))].into_iter().enumerate() {
+            let (there, noise) = count(1.0, 1.5, a, b, 200 + k as u64);
+            let (back, other) = count(1.5, 1.0, b, a, 300 + k as u64);
+            let error = noise.hypot(other);
+            assert!((there - back).abs() < 4.0 * error && error < 0.05 * there, "{there} {back} ± {error}");
+        }
+    }
+}
