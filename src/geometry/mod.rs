@@ -6,7 +6,7 @@
 //! ([`Geometry::nearest_surfaces`]), and samples of their areas. Everything is `f64`; only the
 //! hierarchies' boxes and the vertices of meshes are `f32`.
 //!
-//! *Out* is away from the inside for sphere, box, cylinder and any closed mesh, whatever its winding;
+//! *Out* is away from the inside for sphere, box, cylinder, lathe and any closed mesh, whatever its winding;
 //! edge_u × edge_v of the transformed edges for a quad; the side of `normal`, carried along by the
 //! inverse transpose, for a disk; the counter-clockwise side in object space, carried along by the
 //! transform, for an open mesh. A mirroring transform keeps out out.
@@ -15,6 +15,7 @@ mod cuboid;
 mod cylinder;
 mod disk;
 mod ellipsoid;
+mod lathe;
 mod mesh;
 mod obj;
 mod placed;
@@ -25,6 +26,7 @@ mod tree;
 pub use cuboid::Cuboid;
 pub use cylinder::Cylinder;
 pub use disk::Disk;
+pub use lathe::Lathe;
 pub use mesh::Mesh;
 pub use placed::{Placed, Shape};
 pub use quad::Quad;
@@ -42,7 +44,7 @@ pub struct Hit {
     pub t: f64,
     /// The index of the placed shape.
     pub id: u32,
-    /// The face of a box or cylinder, the triangle of a mesh; 0 for the others.
+    /// The face of a box or cylinder, the piece of a lathe, the triangle of a mesh; 0 for the others.
     pub primitive: u32,
     /// The unit geometric normal in the world, pointing out.
     pub normal: DVec3,
@@ -222,8 +224,8 @@ impl Geometry {
         }
     }
 
-    /// Whether a shape encloses a volume: spheres, boxes, cylinders with caps, and meshes as
-    /// [`Mesh::is_closed`] says.
+    /// Whether a shape encloses a volume: spheres, boxes, cylinders with caps, lathes whose ends lie on the
+    /// axis or coincide, and meshes as [`Mesh::is_closed`] says.
     pub fn is_closed(&self, id: u32) -> bool {
         self.placed[id as usize].is_closed()
     }
@@ -296,8 +298,8 @@ impl Geometry {
     }
 
     /// Calls `visit` with the closest point of every face within `radius` of `p`: spheres, quads, disks
-    /// and cylinders' sides and caps have one, boxes six, meshes one a triangle, of which those of one
-    /// mesh that face the same way (to 10⁻³) are merged into the nearest. So the corner of a room gives
+    /// and cylinders' sides and caps have one, boxes six, lathes one a piece, meshes one a triangle, of which those of one
+    /// lathe or mesh that face the same way (to 10⁻³) are merged into the nearest. So the corner of a room gives
     /// three planes. Exact, except for a point inside a sphere stretched unequally, where it may be
     /// the closest only of its neighbourhood.
     pub fn nearest_surfaces(&self, p: DVec3, radius: f64, mut visit: impl FnMut(Near)) {
@@ -309,7 +311,7 @@ impl Geometry {
             if !placed.bounds().overlaps(&around) {
                 return;
             }
-            let merge = matches!(placed.shape(), Shape::Mesh(_));
+            let merge = matches!(placed.shape(), Shape::Lathe(_) | Shape::Mesh(_));
             merged.clear();
             placed.faces_near(p, radius, &mut |primitive, point, normal| {
                 let normal = if normal.dot(p - point) < 0.0 { -normal } else { normal };

@@ -246,14 +246,17 @@ impl<'a> Item<'a> {
         self.number_where("0, or a number above 0 (from 1e-100 to 1e100)", accepts)
     }
 
+    /// A number that a length may be, with either sign.
+    pub(super) fn coordinate(&self) -> Read<f64> {
+        self.number_where("a number from -1e100 to 1e100", |x| (-LARGEST..=LARGEST).contains(&x))
+    }
+
     /// `[x, y, z]`
     pub(super) fn vector(&self) -> Read<DVec3> {
         let expected = "three numbers, [x, y, z]";
         let items = self.array(expected)?;
         let [x, y, z] = items.as_slice() else { return Err(self.expected(expected)) };
-        let coordinate =
-            |item: &Item| item.number_where("a number from -1e100 to 1e100", |x| (-LARGEST..=LARGEST).contains(&x));
-        let (x, y, z) = (coordinate(x), coordinate(y), coordinate(z));
+        let (x, y, z) = (x.coordinate(), y.coordinate(), z.coordinate());
         Ok(DVec3::new(x?, y?, z?))
     }
 
