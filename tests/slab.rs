@@ -1,5 +1,5 @@
 //! Reflectance R and transmittance T of wide slabs, by both estimators, against numbers from elsewhere: a table made
-//! by adding–doubling, and for index-matched slabs the solver below, which shares nothing with the renderer.
+//! by adding–doubling, and the solver below, which shares nothing with the renderer.
 //!
 //! R and T of a beam at normal incidence are, by reciprocity, what a camera sees that looks straight at the slab
 //! under light of radiance 1 from all sides of one half space: above it for R, below it for T.
@@ -38,30 +38,35 @@ fn table() -> Vec<Row> {
     text.lines().skip(1).map(row).collect()
 }
 
-/// Azimuthally averaged adding–doubling for an index-matched slab, on `N` Gauss nodes of (0, 1) and the normal, which
-/// has no weight (van de Hulst 1980, ch. 4).
-mod solver {
+/// Azimuthally averaged adding–doubling, on Gauss nodes of (0, 1) and the normal, which has no weight (van de Hulst
+/// 1980, ch. 4); boundaries are two more layers (Prahl, van Gemert and Welch 1993).
+pub mod solver {
     use super::PI;
 
-    const N: usize = 40;
+    /// Nodes of each half of the cosines: those of light that may leave, and those of light that is totally reflected.
+    const HALF: usize = 40;
+    const N: usize = 2 * HALF;
     const SIZE: usize = N + 1;
     type Matrix = Vec<[f64; SIZE]>;
 
-    /// R and T for a phase function `p(cos θ)` per steradian.
-    pub fn slab(tau: f64, albedo: f64, p: impl Fn(f64) -> f64) -> (f64, f64) {
-        let (mut node, mut weight) = gauss(N);
-        for (x, w) in node.iter_mut().zip(&mut weight) {
-            *x = 0.5 * (*x + 1.0);
-            *w *= 0.5;
+    /// R and T of a slab of index `n` in vacuum, for a phase function `p(cos θ)` per steradian.
+    pub fn slab(n: f64, tau: f64, albedo: f64, p: impl Fn(f64) -> f64) -> (f64, f64) {
+        // Without a critical angle, any point will do.
+        let middle = if n > 1.0 { (1.0 - 1.0 / (n * n)).sqrt() } else { 0.5 };
+        let (nodes, weights) = gauss(HALF);
+        let (mut node, mut weight) = (Vec::new(), Vec::new());
+        for (from, to) in [(0.0, middle), (middle, 1.0)] {
+            node.extend(nodes.iter().map(|x| from + (to - from) * 0.5 * (x + 1.0)));
+            weight.extend(weights.iter().map(|w| 0.5 * (to - from) * w));
         }
         node.push(1.0);
         weight.push(0.0);
 
-        // Both signs of the cosine through the Legendre moments that N nodes integrate exactly.
-        let moments = moments(2 * N, p);
-        let polynomials: Vec<Vec<f64>> = node.iter().map(|&x| legendre(2 * N, x)).collect();
+        // Both signs of the cosine through the Legendre moments that the nodes integrate exactly.
+        let moments = moments(N, p);
+        let polynomials: Vec<Vec<f64>> = node.iter().map(|&x| legendre(N, x)).collect();
         let averaged = |i: usize, j: usize, sign: f64| -> f64 {
-            (0..2 * N)
+            (0..N)
                 .map(|l| {
                     let parity = if l % 2 == 1 { sign } else { 1.0 };
                     (2 * l + 1) as f64 * moments[l] * polynomials[i][l] * polynomials[j][l] * parity
@@ -98,8 +103,46 @@ mod solver {
                 lost[i] = 1.0 - direct;
             }
         }
-        let out = |matrix: &Matrix| matrix[N].iter().sum::<f64>();
-        (out(&r), out(&t) + (-tau).exp())
+        if n == 1.0 {
+            let out = |matrix: &Matrix| matrix[N].iter().sum::<f64>();
+            return (out(&r), out(&t) + (-tau).exp());
+        }
+
+        // Inside: down at the top is d = v + u B, at the bottom e = d T + f R with f = e B, and up at the top
+        // u = d R + f T, B the boundary's reflectance from inside, v what enters.
+        let boundary: Vec<f64> = node.iter().map(|&mu| reflectance(mu, n)).collect();
+        let reflected =
+            |a: &Matrix| -> Matrix { a.iter().map(|row| std::array::from_fn(|j| row[j] * boundary[j])).collect() };
+        let scaled = |a: &Matrix| -> Matrix {
+            (0..SIZE).map(|i| std::array::from_fn(|j| boundary[i] * a[i][j])).collect()
+        };
+        let full: Matrix = (0..SIZE)
+            .map(|i| std::array::from_fn(|j| t[i][j] + if i == j { 1.0 - lost[i] } else { 0.0 }))
+            .collect();
+        let below = product(&full, &inverse(&minus_from_one(&scaled(&r))));
+        let mut above = product(&below, &scaled(&full));
+        for i in 0..SIZE {
+            for j in 0..SIZE {
+                above[i][j] += r[i][j];
+            }
+        }
+        let entering = 1.0 - boundary[N];
+        let down: [f64; SIZE] = inverse(&minus_from_one(&reflected(&above)))[N].map(|x| x * entering);
+        let leaving = |a: &Matrix| -> f64 {
+            (0..SIZE).map(|j| (1.0 - boundary[j]) * (0..SIZE).map(|i| down[i] * a[i][j]).sum::<f64>()).sum()
+        };
+        (boundary[N] + leaving(&above), leaving(&below))
+    }
+
+    /// Fresnel's reflectance from inside of index `n`, for light with this cosine to the normal.
+    fn reflectance(mu: f64, n: f64) -> f64 {
+        let sin2 = n * n * (1.0 - mu * mu);
+        if sin2 >= 1.0 {
+            return 1.0;
+        }
+        let nu = (1.0 - sin2).sqrt();
+        let (s, p) = ((n * mu - nu) / (n * mu + nu), (mu - n * nu) / (mu + n * nu));
+        0.5 * (s * s + p * p)
     }
 
     /// ½∫ 4π p(x) P_l(x) dx for l below `count`.
@@ -182,8 +225,8 @@ fn phase_function(row: &Row) -> impl Fn(f64) -> f64 {
 #[test]
 fn the_solver_agrees_with_the_table() {
     let mut checks = Checks::default();
-    for row in table().into_iter().filter(|row| row.index == 1.0) {
-        let (r, t) = solver::slab(row.tau, row.albedo, phase_function(&row));
+    for row in table() {
+        let (r, t) = solver::slab(row.index, row.tau, row.albedo, phase_function(&row));
         // The table has six digits and is sure to 1e-5.
         let close = |x: f64, y: f64| (x - y).abs() <= 1e-5 * y.max(0.01);
         let holds = close(r, row.reflectance) && close(t, row.transmittance);
@@ -289,10 +332,7 @@ fn cases() -> Vec<Case> {
     let case = |((index, tau, albedo, g), samples): ((f64, f64, f64, f64), [u32; 2])| {
         let row = table.iter().find(|row| (row.index, row.tau, row.albedo, row.g) == (index, tau, albedo, g));
         let row = row.unwrap_or_else(|| panic!("no row {index} {tau} {albedo} {g}")).clone();
-        let exact = match index {
-            1.0 => solver::slab(tau, albedo, phase_function(&row)).into(),
-            _ => [row.reflectance, row.transmittance],
-        };
+        let exact = solver::slab(index, tau, albedo, phase_function(&row)).into();
         Case { row, exact, samples }
     };
     wanted.map(case).into()

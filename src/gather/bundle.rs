@@ -1129,7 +1129,7 @@ mod tests {
             for normal in [axis, -axis] {
                 let distance = 1.0 + x.dot(normal);
                 if distance < 2.0 * r {
-                    planes.push(Plane { normal, distance });
+                    planes.push(Plane { normal, distance, leans: false });
                 }
             }
         }

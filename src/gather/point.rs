@@ -272,7 +272,7 @@ mod tests {
             for normal in [axis, -axis] {
                 let distance = 1.0 + x.dot(normal);
                 if distance < r {
-                    planes.push(Plane { normal, distance });
+                    planes.push(Plane { normal, distance, leans: false });
                 }
             }
         }

@@ -1,4 +1,4 @@
-use super::{Arrival, Cone, Departure};
+use super::{Arrival, Cone, Departure, Spread};
 use crate::geometry::{Geometry, Hit};
 use crate::math::{Bounds, DVec3, Frame, Ray, Rgb, Stream, error_bound, sampling};
 use std::f64::consts::PI;
@@ -170,6 +170,10 @@ impl Area {
         let side = if direction.dot(point.normal) >= 0.0 { point.normal } else { -point.normal };
         let at = Ray::new(point.point, direction);
         let origin = point.point + side * error_bound(&at, 0.0).max(error_bound(&at, self.bounds.diagonal()));
-        Some(Departure { ray: Ray::new(origin, direction), power })
+        let spread = match self.profile {
+            Profile::Diffuse(_) => Spread::Cosine(side),
+            Profile::Spot(..) | Profile::Beam(..) => Spread::Other,
+        };
+        Some(Departure { ray: Ray::new(origin, direction), power, spread })
     }
 }

@@ -1,4 +1,4 @@
-use super::{Arrival, Departure, Surroundings};
+use super::{Arrival, Departure, Spread, Surroundings};
 use crate::math::{DVec3, Frame, Ray, Rgb, Stream, sampling};
 use std::f64::consts::PI;
 
@@ -91,7 +91,8 @@ impl Directional {
         } else {
             self.power(surroundings)
         };
-        Departure { ray: Ray::new(origin, direction), power }
+        let spread = if self.beam.is_some() { Spread::Other } else { Spread::Disc };
+        Departure { ray: Ray::new(origin, direction), power, spread }
     }
 
     fn is_in_cone(&self, direction: DVec3) -> bool {

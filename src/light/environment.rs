@@ -1,4 +1,4 @@
-use super::{Arrival, Departure, Surroundings};
+use super::{Arrival, Departure, Spread, Surroundings};
 use crate::image::Image;
 use crate::math::{DVec3, Frame, Ray, Rgb, Stream, sampling};
 use std::f64::consts::{PI, TAU};
@@ -123,6 +123,7 @@ impl Environment {
         (density > 0.0).then(|| Departure {
             ray: Ray::new(origin, -towards),
             power: self.radiance(towards) * (PI * surroundings.radius.powi(2) / density),
+            spread: Spread::Disc,
         })
     }
 }

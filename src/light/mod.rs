@@ -60,6 +60,21 @@ pub struct Departure {
     pub ray: Ray,
     /// The power it stands for: that of its light, if all were drawn alike.
     pub power: Rgb,
+    /// How it was drawn.
+    pub spread: Spread,
+}
+
+/// How a photon's start was drawn, where another might be drawn in its place with the same power.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Spread {
+    /// From its point in all directions alike.
+    Sphere,
+    /// From its point with density cos θ/π about this normal.
+    Cosine(DVec3),
+    /// In its direction, anywhere on a disc that faces it before the scene's bounding sphere.
+    Disc,
+    /// Otherwise.
+    Other,
 }
 
 /// A sphere around everything that light from infinity can reach.

@@ -1,4 +1,4 @@
-use super::{Arrival, Departure};
+use super::{Arrival, Departure, Spread};
 use crate::math::{DVec3, Frame, Ray, Rgb, Stream, sampling};
 use std::f64::consts::PI;
 
@@ -88,6 +88,6 @@ impl Spot {
     pub(super) fn depart(&self, stream: &mut Stream) -> Departure {
         let direction = self.cone.sample(stream.uniform2());
         let power = self.cone.share(direction) * self.cone.outer_solid_angle() * self.intensity;
-        Departure { ray: Ray::new(self.position, direction), power }
+        Departure { ray: Ray::new(self.position, direction), power, spread: Spread::Other }
     }
 }

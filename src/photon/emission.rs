@@ -2,9 +2,9 @@
 
 use std::f64::consts::PI;
 
-use crate::light::{Departure, Light};
-use crate::math::{Bounds, Ray, Rgb, Stream, sampling};
-use crate::scene::{Glow, Inside, Scene};
+use crate::light::{Departure, Light, Spread};
+use crate::math::{Bounds, DVec3, Frame, Ray, Rgb, Stream, sampling};
+use crate::scene::{Glow, Inside, Scene, Solid};
 
 /// All sources of photons of a scene.
 #[derive(Debug)]
@@ -13,7 +13,12 @@ pub struct Sources<'s> {
     sources: Vec<Source<'s>>,
     /// Running sums of the sources' shares of the power, ending in 1.
     cumulative: Vec<f64>,
+    /// Spheres around the solids with media that scatter; empty while photons are not aimed.
+    targets: Vec<(DVec3, f64)>,
 }
+
+/// The share of photons that are aimed, once photons are.
+const AIMED: f64 = 0.75;
 
 #[derive(Debug)]
 enum Source<'s> {
@@ -64,7 +69,86 @@ impl<'s> Sources<'s> {
                 sum
             })
             .collect();
-        Sources { scene, sources: if total > 0.0 { sources } else { Vec::new() }, cumulative }
+        Sources { scene, sources: if total > 0.0 { sources } else { Vec::new() }, cumulative, targets: Vec::new() }
+    }
+
+    /// Aims most photons at the solids whose medium scatters, as those that miss are seldom stored; the light is the
+    /// same. Does nothing where the world's medium scatters.
+    pub fn aim(&mut self) {
+        let scatters = |medium: Option<u32>| medium.is_some_and(|index| self.scene.media[index as usize].scatters());
+        if scatters(self.scene.world) {
+            return;
+        }
+        let solids = self.scene.solids.iter().filter(|solid| scatters(solid.medium));
+        let around = |solid: &Solid| {
+            let bounds = self.scene.geometry.bounds(solid.shape);
+            (bounds.center(), 0.5 * bounds.diagonal())
+        };
+        self.targets = solids.map(around).collect();
+    }
+
+    /// Draws a photon's start anew, from what it was drawn from and from what goes towards a target: the power is
+    /// weighted by the density of the first over that of both together.
+    fn redraw(&self, departure: Departure, stream: &mut Stream) -> Option<Departure> {
+        let Departure { ray, power, spread } = departure;
+        if self.targets.is_empty() || spread == Spread::Other {
+            return Some(departure);
+        }
+        let count = self.targets.len() as f64;
+        let target = match stream.uniform() {
+            u if u < AIMED => Some(self.targets[((u / AIMED * count) as usize).min(self.targets.len() - 1)]),
+            _ => None,
+        };
+        if spread == Spread::Disc {
+            let whole = self.scene.surroundings;
+            let frame = Frame::around(ray.direction);
+            let origin = match target {
+                None => ray.origin,
+                Some((center, radius)) => {
+                    let (x, y) = sampling::disc(stream.uniform2());
+                    let p = center + radius * (x * frame.x + y * frame.y);
+                    p - ((p - whole.center).dot(ray.direction) + whole.radius) * ray.direction
+                }
+            };
+            let aside = |center: DVec3| {
+                let offset = origin - center;
+                (offset - offset.dot(ray.direction) * ray.direction).length_squared()
+            };
+            // Areas of discs, in units of the whole one.
+            let density: f64 = self
+                .targets
+                .iter()
+                .filter(|(center, radius)| aside(*center) <= radius * radius)
+                .map(|(_, radius)| (whole.radius / radius).powi(2))
+                .sum();
+            let weight = if aside(whole.center) <= whole.radius * whole.radius { 1.0 } else { 0.0 };
+            let power = power * (weight / (weight * (1.0 - AIMED) + AIMED / count * density));
+            return Some(Departure { ray: Ray::new(origin, ray.direction), power, spread });
+        }
+        // 1 − cos of the half-angle under which a target is seen; all around from inside of it.
+        let opening = |(center, radius): (DVec3, f64)| {
+            let sin2 = (radius / center.distance(ray.origin)).powi(2);
+            if sin2 < 1.0 { sin2 / (1.0 + (1.0 - sin2).sqrt()) } else { 2.0 }
+        };
+        let direction = match target {
+            None => ray.direction,
+            Some(target) => {
+                let axis = (target.0 - ray.origin).try_normalize().unwrap_or(ray.direction);
+                Frame::around(axis).to_world(sampling::cone(opening(target), stream.uniform2())).normalize()
+            }
+        };
+        let own = match spread {
+            Spread::Cosine(normal) => normal.dot(direction).max(0.0) / PI,
+            _ => 1.0 / (4.0 * PI),
+        };
+        let aimed = |target: &(DVec3, f64)| {
+            let (axis, opening) = ((target.0 - ray.origin).try_normalize(), opening(*target));
+            let inside = axis.is_none_or(|axis| 0.5 * (axis - direction).length_squared() <= opening);
+            if inside { 1.0 / (2.0 * PI * opening) } else { 0.0 }
+        };
+        let density: f64 = self.targets.iter().map(aimed).sum();
+        let power = power * (own / (own * (1.0 - AIMED) + AIMED / count * density));
+        Some(Departure { ray: Ray::new(ray.origin, direction), power, spread }).filter(|_| own > 0.0)
     }
 
     /// Whether nothing shines.
@@ -99,7 +183,8 @@ impl<'s> Sources<'s> {
 
     fn start_at_light(&self, index: u32, inside: Option<&Inside>, stream: &mut Stream) -> Option<Start> {
         let light = &self.scene.lights[index as usize];
-        let Departure { ray, mut power } = light.depart(&self.scene.geometry, &self.scene.surroundings, stream)?;
+        let departure = light.depart(&self.scene.geometry, &self.scene.surroundings, stream)?;
+        let Departure { ray, mut power, .. } = self.redraw(departure, stream)?;
         if light.is_infinite() {
             // What it lost in the world's medium before it came near.
             if let Some(world) = self.scene.world {

@@ -52,41 +52,14 @@ pub struct MapSettings {
     pub tagged: bool,
     /// Whether walls near a photon correct its contribution.
     pub boundaries: bool,
-    /// The mean free path where the photons are: discs that are not small against it lie along a wall nearby, so
-    /// that they do not blend what is at different depths. Infinite if none should.
-    pub mean_free_path: f32,
 }
 
 impl MapSettings {
     /// The biweight, untagged, corrected at walls, radii as they are.
     pub fn new(radius: Radius) -> Self {
-        MapSettings {
-            radius,
-            profile: Profile::Biweight,
-            scale: 1.0,
-            tagged: false,
-            boundaries: true,
-            mean_free_path: f32::INFINITY,
-        }
-    }
-
-    /// How far away walls matter to a photon whose disc has this radius, and whether the disc lies along the
-    /// nearest of them.
-    ///
-    /// A disc across a ray is drawn around a foot point that may be a radius away from the photon, so that walls
-    /// matter up to twice the radius.
-    pub fn reach(&self, radius: f32) -> (f32, bool) {
-        let leans = radius > LEANING * self.mean_free_path;
-        (if leans { (2.0 * radius).max(LEANING_DEPTH * self.mean_free_path) } else { 2.0 * radius }, leans)
+        MapSettings { radius, profile: Profile::Biweight, scale: 1.0, tagged: false, boundaries: true }
     }
 }
-
-/// Discs of more mean free paths than this lie along walls: across a ray that leaves at an angle θ to the normal, they
-/// blend depths r sin θ apart.
-const LEANING: f32 = 0.05;
-
-/// So many mean free paths from a wall at least.
-const LEANING_DEPTH: f32 = 1.0;
 
 /// A photon of a map, and how wide it is spread.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -104,6 +77,8 @@ pub struct Plane {
     pub normal: Vec3,
     /// The photon's distance, not negative.
     pub distance: f32,
+    /// Whether the photon's disc lies along it, not across rays: at most one wall of a photon.
+    pub leans: bool,
 }
 
 /// Radii of a map's discs, all 0 if it is empty.
@@ -204,8 +179,9 @@ impl PhotonMap {
     /// Orders `photons`, finds their radii, and builds the hierarchy; in parallel, on the current
     /// thread pool, with the same result for any number of threads.
     ///
-    /// `planes` is asked for the walls near a photon with this radius, once radii are known: as near as
-    /// [`MapSettings::reach`] says. The three nearest count.
+    /// `planes` is asked for the walls near a photon, once radii are known: a wall matters if it is
+    /// closer than *twice* the photon's radius, because the disc is drawn around a foot point that
+    /// may be a radius away, or if the disc leans on it. That one and the nearest others count, three in all.
     ///
     /// *Variable radii:* among fewer than m + 1 photons the farthest stands for the m-th neighbour,
     /// with its own count; a single photon gets `max_radius`. Photons at one place get the smallest
@@ -238,7 +214,7 @@ impl PhotonMap {
         });
         let (nodes, extent) = discs::build(&blocks, count, Some(&radii));
         let (wall_starts, walls, leaning) =
-            if settings.boundaries { walls_of(&blocks, count, &radii, settings, planes) } else { Default::default() };
+            if settings.boundaries { walls_of(&blocks, count, &radii, planes) } else { Default::default() };
 
         let summary = summary(&radii[..count]);
         let size = extent.block_sizes / blocks.len().max(1) as f64;
@@ -474,7 +450,6 @@ fn walls_of(
     blocks: &[Block],
     photons: usize,
     radii: &[f32],
-    settings: &MapSettings,
     planes: &(impl Fn(Vec3, f32, &mut SmallVec<[Plane; 3]>) + Sync),
 ) -> (Vec<u32>, Vec<WallLayer>, Vec<u16>) {
     let parts: Vec<(Vec<u32>, Vec<WallLayer>, Vec<u16>)> = blocks
@@ -493,12 +468,11 @@ fn walls_of(
                     let radius = radii[index * LANES + lane];
                     found.clear();
                     planes(position, radius, &mut found);
-                    let (reach, leans) = settings.reach(radius);
-                    found.retain(|plane| plane.distance < reach);
-                    found.sort_by(|a: &Plane, b: &Plane| a.distance.total_cmp(&b.distance));
-                    if leans && !found.is_empty() {
-                        *leaning |= 1 << lane;
-                    }
+                    found.retain(|plane| plane.leans || plane.distance < 2.0 * radius);
+                    found.sort_by(|a: &Plane, b: &Plane| {
+                        b.leans.cmp(&a.leans).then(a.distance.total_cmp(&b.distance))
+                    });
+                    *leaning |= u16::from(found.first().is_some_and(|plane| plane.leans)) << lane;
                     for (layer, plane) in found.iter().take(WALLS).enumerate() {
                         if first + layer == walls.len() {
                             walls.push(WallLayer::EMPTY);
@@ -614,7 +588,7 @@ mod tests {
         };
         let floor = |x: Vec3, r: f32, planes: &mut SmallVec<[Plane; 3]>| {
             if x.z < 2.0 * r {
-                planes.push(Plane { normal: Vec3::Z, distance: x.z });
+                planes.push(Plane { normal: Vec3::Z, distance: x.z, leans: false });
             }
         };
         let build = |threads| {

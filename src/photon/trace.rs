@@ -56,6 +56,8 @@ const PILOTS: [u64; 3] = [1 << 12, 1 << 16, 1 << 20];
 const TELLING: usize = 64;
 /// Emissions that one task traces.
 const CHUNK: u64 = 1024;
+/// Where fewer emissions than this share collide, photons are aimed at what they may collide in.
+const SELDOM: f64 = 0.2;
 /// Where fewer emissions than this share collide, first collisions are forced.
 const RARE: f64 = 0.01;
 /// A map expected to hold more than this many times its target thins itself.
@@ -87,6 +89,10 @@ pub fn trace(
     };
     let mut piloted = PILOTS[0];
     let (mut collided, mut stored) = pilot(&tracer, piloted);
+    if collided < SELDOM {
+        tracer.sources.aim();
+        (collided, stored) = pilot(&tracer, piloted);
+    }
     if collided < RARE {
         tracer.forced = true;
         // Small media far from the light.

@@ -10,16 +10,30 @@ use crate::scene::Scene;
 /// Walls whose normals differ by less than this cosine are one: neighbouring faces of a curved mesh.
 const ONE_WALL: f64 = 0.9;
 
+/// Discs of more mean free paths than this lean on boundaries: across a ray that leaves at an angle θ to the normal,
+/// they would blend depths r sin θ apart.
+const LEANING: f32 = 0.05;
+
+/// So many mean free paths from the boundary at least.
+const LEANING_DEPTH: f32 = 1.0;
+
+/// How far away walls matter to a photon whose disc has this radius, and whether the disc leans on the nearest
+/// boundary of its region.
+pub fn reach(radius: f32, mean_free_path: f32) -> (f32, bool) {
+    let leans = radius > LEANING * mean_free_path;
+    (if leans { (2.0 * radius).max(LEANING_DEPTH * mean_free_path) } else { 2.0 * radius }, leans)
+}
+
 /// The three nearest walls within `radius` of a photon: opaque surfaces, and boundaries of its region. A face
 /// counts where the photon stands over it, not past its edge: beyond an edge there is room. Faces that coincide
 /// are one wall, and so are faces that hardly differ in direction.
 ///
-/// If the photon's disc `leans` on the nearest wall, the nearest is any, even an edge, and its normal points to the
-/// photon: along it the distance grows.
+/// If the photon's disc `leans`, then on the nearest boundary of its region that is nearer than other walls, be it an
+/// edge: its normal points to the photon, as along it the depth grows.
 pub fn near(scene: &Scene, position: Vec3, radius: f32, leans: bool, walls: &mut SmallVec<[Plane; 3]>) {
     const MOST: usize = 3;
     let p = position.as_dvec3();
-    let mut faces: SmallVec<[Near; 8]> = SmallVec::new();
+    let mut faces: SmallVec<[(Near, bool); 8]> = SmallVec::new();
     scene.geometry.nearest_surfaces(p, radius as f64, |mut near| {
         let above = (p - near.point).dot(near.normal);
         let over = near.distance - above <= 1e-6 * near.distance;
@@ -27,17 +41,19 @@ pub fn near(scene: &Scene, position: Vec3, radius: f32, leans: bool, walls: &mut
             near.normal = (p - near.point) / near.distance;
         }
         if leans || over {
-            faces.push(near);
+            faces.push((near, over));
         }
     });
-    faces
-        .sort_unstable_by(|a, b| a.distance.total_cmp(&b.distance).then((a.id, a.primitive).cmp(&(b.id, b.primitive))));
+    faces.sort_unstable_by(|(a, _), (b, _)| {
+        a.distance.total_cmp(&b.distance).then((a.id, a.primitive).cmp(&(b.id, b.primitive)))
+    });
     let mut around = None;
-    while let Some(&first) = faces.first() {
+    while let Some(&(first, over)) = faces.first() {
         let coincides = |near: &Near| {
             near.normal.dot(first.normal) > 1.0 - 1e-9 && near.distance - first.distance <= 1e-6 * f64::from(radius)
         };
-        let surfaces = faces.iter().filter(|near| coincides(near)).map(|near| &scene.surfaces[near.id as usize]);
+        let coincident = faces.iter().filter(|(near, _)| coincides(near));
+        let surfaces = coincident.map(|(near, _)| &scene.surfaces[near.id as usize]);
         let opaque = surfaces.clone().any(|surface| surface.material.is_opaque());
         let is_wall = opaque || {
             let inside = around.get_or_insert_with(|| scene.inside(p));
@@ -45,13 +61,14 @@ pub fn near(scene: &Scene, position: Vec3, radius: f32, leans: bool, walls: &mut
             let beyond = solids.fold(inside.clone(), |beyond, solid| beyond.with(solid, !inside.contains(solid)));
             scene.region(&beyond) != scene.region(inside)
         };
-        if is_wall {
-            walls.push(Plane { normal: first.normal.as_vec3(), distance: first.distance as f32 });
+        let leans = leans && walls.is_empty() && is_wall && !opaque;
+        if is_wall && (over || leans) {
+            walls.push(Plane { normal: first.normal.as_vec3(), distance: first.distance as f32, leans });
             if walls.len() == MOST {
                 return;
             }
         }
-        faces.retain(|near| {
+        faces.retain(|(near, _)| {
             let same = is_wall && near.normal.dot(first.normal) > ONE_WALL;
             !(same || coincides(near))
         });

@@ -432,15 +432,10 @@ fn beam_maps(
     regions: Vec<Vec<Photon>>,
 ) -> VolumeMaps {
     let build = |(photons, extinction): (Vec<Photon>, &f64)| {
-        let settings = MapSettings {
-            tagged: plan.tagged,
-            scale,
-            profile: plan.profile,
-            mean_free_path: (1.0 / extinction) as f32,
-            ..MapSettings::new(plan.radius)
-        };
+        let settings =
+            MapSettings { tagged: plan.tagged, scale, profile: plan.profile, ..MapSettings::new(plan.radius) };
         let near = |position, radius, planes: &mut _| {
-            let (reach, leans) = settings.reach(radius);
+            let (reach, leans) = walls::reach(radius, (1.0 / extinction) as f32);
             walls::near(scene, position, reach, leans, planes);
         };
         (!photons.is_empty()).then(|| PhotonMap::build(photons, &settings, &near))
