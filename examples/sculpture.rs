@@ -1,14 +1,16 @@
-//! Carves the rose of `scenes/marble.toml` and writes it as a mesh.
+//! Carves the rose of `scenes/marble.toml` and the hand of `scenes/skin.toml` and writes them as meshes.
 //!
 //! ```sh
-//! cargo run --release --example sculpture -- scenes/rose.obj.gz
+//! cargo run --release --example sculpture -- rose scenes/rose.obj.gz
+//! cargo run --release --example sculpture -- hand scenes/hand.obj.gz
 //! ```
 //!
-//! The rose is one spiral sheet of stone, thin at the lips of its petals and thick where they grow
-//! together, given by a function that is negative inside. A dual mesh of its zero (surface nets, Gibson
-//! 1998) gets one vertex for each cell of a grid that the surface passes. Vertices then slide along the
-//! surface until they lie evenly and are put on to it by Newton's method: the mesh is as smooth as the
-//! function. A file whose name ends in `.gz` is compressed. Lengths are millimetres.
+//! A figure is a function that is negative inside: the rose one spiral sheet of stone, thin at the lips of
+//! its petals and thick where they grow together; the hand round cones that melt into each other. It is
+//! sampled on a grid, and the figure is the zero of the spline through that. A dual mesh (surface
+//! nets, Gibson 1998) gets one vertex for each cell that the surface passes; vertices then slide along the
+//! surface until they lie evenly and are put on to it by Newton's method. A file whose name ends in `.gz`
+//! is compressed. Lengths are millimetres.
 
 use flate2::{Compression, GzBuilder};
 use glam::{DVec2, DVec3};
@@ -20,21 +22,27 @@ use std::fmt::Write as _;
 use std::fs::File;
 use std::io::Write as _;
 
-/// The edge of a grid cell.
-const CELL: f64 = 0.18;
-/// The box that holds the rose.
-const LOW: DVec3 = DVec3::new(-14.5, -4.0, -14.5);
-const HIGH: DVec3 = DVec3::new(14.5, 12.5, 14.5);
-
 fn main() -> Result<(), Box<dyn Error>> {
-    let path = std::env::args().nth(1).ok_or("expected the name of the file to write")?;
-    let block = Block::carved(|p| Rose.value(p), LOW, HIGH, CELL).polished(2);
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let block = match arguments.first().map(String::as_str) {
+        Some("rose") => {
+            let (low, high) = (DVec3::new(-14.5, -4.0, -14.5), DVec3::new(14.5, 12.5, 14.5));
+            Block::carved(|p| Rose.value(p), low, high, 0.18).polished(2)
+        }
+        Some("hand") => {
+            let (low, high) = (DVec3::new(-42.0, -64.0, -16.0), DVec3::new(30.0, 82.0, 18.0));
+            let hand = Hand::new();
+            Block::carved(|p| hand.value(p), low, high, 0.55).polished(1)
+        }
+        _ => return Err("expected rose or hand, and the name of the file to write".into()),
+    };
+    let path = arguments.get(1).ok_or("expected the name of the file to write")?;
     let mut net = block.net();
     net.relax(&block, 6);
     let mesh = net.triangles();
     let smallest = mesh.check()?;
     let text = mesh.obj();
-    let file = File::create(&path)?;
+    let file = File::create(path)?;
     if path.ends_with(".gz") {
         let mut out = GzBuilder::new().write(file, Compression::best());
         out.write_all(text.as_bytes())?;
@@ -170,6 +178,89 @@ impl Blade {
     fn curvature(&self, u: f64) -> f64 {
         let (a, b) = (u * (1.28 * u - 1.0), 2.56 * u - 1.0);
         1.95 * self.bend * 2.0 * (b * b + 2.56 * a)
+    }
+}
+
+// The hand.
+
+/// A left hand seen from its palm, fingers up.
+struct Hand {
+    /// Palm, wrist and thumb, and then each finger: melted together more than with each other.
+    parts: Vec<Vec<Cone>>,
+}
+
+/// All points within a radius, which changes evenly, of a segment.
+struct Cone {
+    ends: [DVec3; 2],
+    radii: [f64; 2],
+}
+
+impl Hand {
+    /// Parts and the cones of a part that come closer than this melt together.
+    const MELT: [f64; 2] = [3.5, 6.0];
+
+    fn new() -> Self {
+        let v = DVec3::new;
+        let cone = |a: DVec3, b: DVec3, r: f64, s: f64| Cone { ends: [a, b], radii: [r, s] };
+        // ---- base, direction from upright in degrees, bend forward, lengths of the bones, radius
+        let fingers = [
+            (v(-14.0, 19.0, 0.0), 9.0f64, 7.0f64, [21.0, 13.5, 10.0], 4.7),
+            (v(-4.7, 22.5, -0.6), 2.5, 4.0, [23.5, 15.5, 10.5], 4.9),
+            (v(4.8, 21.0, -0.3), -4.0, 6.0, [21.5, 14.5, 10.5], 4.6),
+            (v(13.4, 16.5, 0.4), -14.0, 10.0, [16.5, 10.5, 9.5], 4.1),
+        ];
+        let mut palm = vec![
+            cone(v(-1.0, -62.0, -0.5), v(-0.5, -24.0, 0.0), 10.5, 9.5),
+            cone(v(-7.0, -62.0, -0.5), v(-6.0, -24.0, 0.0), 9.0, 8.5),
+            cone(v(6.0, -62.0, -0.5), v(5.5, -24.0, 0.0), 9.0, 8.5),
+            // The ball of the thumb and the edge of the hand.
+            cone(v(-7.0, -22.0, 2.0), v(-15.0, -4.0, 3.5), 8.0, 7.5),
+            cone(v(9.0, -20.0, 1.5), v(13.0, 2.0, 1.5), 7.0, 6.0),
+        ];
+        let mut parts = Vec::new();
+        for (base, lean, bend, bones, radius) in fingers {
+            palm.push(cone(v(0.35 * base.x, -22.0, 0.0), base, 7.6, 1.28 * radius));
+            let mut finger = Vec::new();
+            let (mut from, mut forward, mut r) = (base, 0.5 * bend, 1.08 * radius);
+            for (i, bone) in bones.into_iter().enumerate() {
+                let (side, front) = (-lean.to_radians(), forward.to_radians());
+                let to = from + bone * v(side.sin(), side.cos() * front.cos(), front.sin());
+                let s = radius * [0.97, 0.88, 0.72][i];
+                finger.push(cone(from, to, r, s));
+                (from, forward, r) = (to, forward + 1.6 * bend, s * 0.98);
+            }
+            parts.push(finger);
+        }
+        let (root, knuckle, joint, tip) =
+            (v(-11.0, -16.0, 3.0), v(-23.5, 0.0, 5.5), v(-30.0, 14.5, 6.5), v(-33.0, 25.0, 6.0));
+        parts.push(vec![
+            cone(root, knuckle, 8.0, 6.2),
+            cone(knuckle, joint, 6.0, 5.3),
+            cone(joint, tip, 5.3, 4.1),
+        ]);
+        parts.push(palm);
+        Hand { parts }
+    }
+
+    /// Below 0 inside, and near the surface about the distance from it.
+    fn value(&self, p: DVec3) -> f64 {
+        let [between, within] = Self::MELT;
+        let part = |cones: &Vec<Cone>, width: f64| {
+            cones.iter().fold(f64::INFINITY, |value, cone| smooth_min(value, cone.value(p), width))
+        };
+        let palm = self.parts.len() - 1;
+        let widths = (0..).map(|i| if i == palm { within } else { 1.5 });
+        self.parts.iter().zip(widths).fold(f64::INFINITY, |value, (cones, width)| {
+            smooth_min(value, part(cones, width), between)
+        })
+    }
+}
+
+impl Cone {
+    fn value(&self, p: DVec3) -> f64 {
+        let [a, b] = self.ends;
+        let share = ((p - a).dot(b - a) / a.distance_squared(b)).clamp(0.0, 1.0);
+        p.distance(a.lerp(b, share)) - (self.radii[0] + share * (self.radii[1] - self.radii[0]))
     }
 }
 
@@ -469,7 +560,7 @@ impl Mesh {
             let last = face[0].max(face[1]).max(face[2]);
             faces[last as usize].push(*face);
         }
-        let mut text = String::from("# A rose, carved by examples/sculpture.rs; millimetres\n");
+        let mut text = String::from("# Carved by examples/sculpture.rs; millimetres\n");
         for (i, p) in self.points.iter().enumerate() {
             let _ = writeln!(text, "v {:.4} {:.4} {:.4}", p.x, p.y, p.z);
             for face in &faces[i] {

@@ -519,3 +519,130 @@ fn touch([a, b]: &[DVec2; 2], [c, d]: &[DVec2; 2]) -> bool {
     let (g, h) = (side(c, d, a), side(c, d, b));
     e * f <= 0.0 && g * h <= 0.0
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Cluster, Geometry, Placed, Shape};
+    use crate::math::Stream;
+    use crate::math::random::Purpose;
+    use std::sync::Arc;
+
+    fn points(profile: &[[f64; 2]]) -> Vec<DVec2> {
+        profile.iter().map(|p| DVec2::from_array(*p)).collect()
+    }
+
+    fn placed(lathe: Lathe) -> Geometry {
+        Geometry::new(vec![Placed::new(Shape::Lathe(Arc::new(lathe)), DAffine3::IDENTITY).unwrap()])
+    }
+
+    /// A half circle of `pieces`.
+    fn ball(pieces: u32) -> Vec<DVec2> {
+        let point = |i: u32| {
+            let (sin, cos) = (PI * f64::from(i) / f64::from(pieces)).sin_cos();
+            DVec2::new(if i == 0 || i == pieces { 0.0 } else { sin }, -cos)
+        };
+        (0..=pieces).map(point).collect()
+    }
+
+    #[test]
+    fn no_ray_slips_through_the_rings_between_pieces() {
+        let lathe = Lathe::new(&ball(40), 0.5).unwrap();
+        let ends: Vec<DVec2> = lathe.pieces.iter().flat_map(|piece| piece.ends).collect();
+        let geometry = placed(lathe);
+        let mut stream = Stream::new(11, Purpose::Test, 0, 0);
+        let mut cluster = Cluster::default();
+        for i in 0..60_000 {
+            let end = ends[i % ends.len()];
+            let target = around(end, (TAU * stream.uniform()).sin_cos());
+            let mut from = 0.6 * (DVec3::new(stream.uniform(), stream.uniform(), stream.uniform()) * 2.0 - 1.0);
+            // Level rays, rays along the axis and through it.
+            match i % 7 {
+                0 => from.y = target.y,
+                1 => (from.x, from.z) = (target.x, target.z),
+                2 => from = DVec3::new(0.0, from.y, 0.0),
+                _ => {}
+            }
+            if from.length() > 0.95 || from.distance(target) < 0.05 {
+                continue;
+            }
+            let ray = Ray::new(from, (target - from).normalize());
+            assert!(geometry.intersect(&ray, 0.0, 9.0, &mut cluster), "{from} slipped out at {target}");
+            assert!(cluster.nearest().unwrap().t > from.distance(target) - 0.01);
+            let mut count = 0;
+            let back = Ray::new(from + 5.0 * ray.direction, -ray.direction);
+            geometry.all_hits(&back, 0.0, 99.0, |_| count += 1);
+            assert!(count % 2 == 0, "{count} crossings");
+        }
+    }
+
+    #[test]
+    fn fine_profiles_and_facets_become_the_sphere() {
+        let round = Lathe::new(&ball(400), 0.5).unwrap();
+        let mesh = Lathe::facets(&ball(60), 120, 0.5).unwrap();
+        assert!((round.area() / (4.0 * PI) - 1.0).abs() < 1e-4 && round.is_closed());
+        assert!(mesh.is_closed() && (mesh.volume().unwrap() / (4.0 / 3.0 * PI) - 1.0).abs() < 3e-3);
+        assert_eq!(mesh.triangle_count(), 120 * (2 * 60 - 2));
+        let shapes = [Shape::Lathe(Arc::new(round)), Shape::Mesh(Arc::new(mesh))];
+        for shape in shapes {
+            let geometry = Geometry::new(vec![Placed::new(shape, DAffine3::IDENTITY).unwrap()]);
+            let mut stream = Stream::new(12, Purpose::Test, 0, 0);
+            let mut cluster = Cluster::default();
+            for _ in 0..2000 {
+                let direction = crate::math::sampling::sphere(stream.uniform2());
+                assert!(geometry.intersect(&Ray::new(DVec3::ZERO, direction), 0.0, 9.0, &mut cluster));
+                let hit = cluster.nearest().unwrap();
+                assert!((hit.t - 1.0).abs() < 2e-3 && hit.normal.dot(direction) > 0.998);
+                // Shading hides the facets, at the poles, too.
+                assert!(hit.shading_normal.dot(direction) > 1.0 - 2e-4, "{direction}");
+            }
+        }
+    }
+
+    #[test]
+    fn kinks_are_shaded_round_below_the_crease_only() {
+        // ---- a drum with bevelled rims, each kink 45 degrees; the foot is sharp
+        let profile = points(&[[0.0, 0.0], [1.0, 0.0], [1.0, 0.8], [0.8, 1.0], [0.0, 1.0]]);
+        for (crease, round) in [(50f64, true), (40.0, false)] {
+            let drum = Lathe::new(&profile, crease.to_radians()).unwrap();
+            let bevel = drum.pieces[2];
+            let slant = DVec2::ONE.normalize();
+            let expected = if round { [(slant + DVec2::X).normalize(), (slant + DVec2::Y).normalize()] } else { [slant; 2] };
+            assert!(bevel.smooth[0].distance(expected[0]) < 1e-12 && bevel.smooth[1].distance(expected[1]) < 1e-12);
+            assert_eq!(drum.pieces[1].smooth[0], DVec2::X);
+        }
+        // ---- the same drum drawn the other way round has the same outside
+        let reversed: Vec<DVec2> = profile.iter().rev().copied().collect();
+        let (drum, turned) = (Lathe::new(&profile, 0.5).unwrap(), Lathe::new(&reversed, 0.5).unwrap());
+        for (a, b) in drum.pieces.iter().zip(turned.pieces.iter().rev()) {
+            assert!(a.normal.distance(b.normal) < 1e-12);
+        }
+    }
+
+    #[test]
+    fn profiles_that_are_none_are_refused() {
+        for (profile, expected) in [
+            (&[[1.0, 0.0]][..], "has 1 points"),
+            (&[[1.0, 0.0], [-1.0, 1.0]], "the point 1"),
+            (&[[1.0, f64::NAN], [1.0, 1.0]], "the point 0"),
+            (&[[1.0, 0.0], [1.0, 0.0], [1.0, 1.0]], "the points 0 and 1 at the same place"),
+            (&[[0.0, 0.0], [0.0, 1.0]], "lies on the axis"),
+            (&[[0.0, 0.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]], "crosses or touches itself"),
+            (&[[0.0, 0.0], [1.0, 0.0], [0.0, 0.0]], "crosses or touches itself"),
+            (&[[0.5, 0.0], [1.0, 0.0], [1.0, 1.0], [0.7, 0.0], [0.5, 0.0]], "crosses or touches itself"),
+        ] {
+            let error = Lathe::new(&points(profile), 0.5).unwrap_err().to_string();
+            assert!(error.contains(expected), "{error}");
+        }
+        // ---- pinched at the axis, and with a stretch on it, all is well
+        for profile in [
+            &[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 2.0], [0.0, 2.0]][..],
+            &[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 2.0], [1.0, 3.0], [0.0, 3.0]],
+        ] {
+            let lathe = Lathe::new(&points(profile), 0.5).unwrap();
+            assert!(lathe.is_closed() && lathe.contains(DVec3::new(0.2, 0.1, 0.0)));
+            assert!(!lathe.contains(DVec3::new(0.5, 1.0, 0.0)));
+        }
+        assert!(Lathe::facets(&ball(4), 2, 0.5).is_err());
+    }
+}

@@ -393,6 +393,24 @@ impl Placed {
         }
     }
 
+    /// How far the surface is from `p`; `limit` if it is farther.
+    pub(super) fn clearance(&self, p: DVec3, limit: f64) -> f64 {
+        let mut nearest = limit;
+        match (&self.shape, self.similarity) {
+            (Shape::Mesh(mesh), Some(scale)) => {
+                let local = self.to_local.transform_point3(p);
+                let mut near = limit / scale;
+                mesh.near(local, near, |i| {
+                    near = near.min(Face::Triangle(mesh.corners(i)).closest(local).distance(local));
+                    near
+                });
+                nearest = nearest.min(near * scale);
+            }
+            _ => self.faces_near(p, limit, &mut |_, on, _| nearest = nearest.min(on.distance(p))),
+        }
+        nearest
+    }
+
     /// The image of the closest point in object space is the closest in the world, too, under a
     /// similarity. Otherwise steps along the tangent plane towards the foot on it, shortened where they
     /// do not come closer, end where the way to `p` is perpendicular.
