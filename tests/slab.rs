@@ -113,12 +113,10 @@ pub mod solver {
         let boundary: Vec<f64> = node.iter().map(|&mu| reflectance(mu, n)).collect();
         let reflected =
             |a: &Matrix| -> Matrix { a.iter().map(|row| std::array::from_fn(|j| row[j] * boundary[j])).collect() };
-        let scaled = |a: &Matrix| -> Matrix {
-            (0..SIZE).map(|i| std::array::from_fn(|j| boundary[i] * a[i][j])).collect()
-        };
-        let full: Matrix = (0..SIZE)
-            .map(|i| std::array::from_fn(|j| t[i][j] + if i == j { 1.0 - lost[i] } else { 0.0 }))
-            .collect();
+        let scaled =
+            |a: &Matrix| -> Matrix { (0..SIZE).map(|i| std::array::from_fn(|j| boundary[i] * a[i][j])).collect() };
+        let full: Matrix =
+            (0..SIZE).map(|i| std::array::from_fn(|j| t[i][j] + if i == j { 1.0 - lost[i] } else { 0.0 })).collect();
         let below = product(&full, &inverse(&minus_from_one(&scaled(&r))));
         let mut above = product(&below, &scaled(&full));
         for i in 0..SIZE {

@@ -469,9 +469,7 @@ fn walls_of(
                     found.clear();
                     planes(position, radius, &mut found);
                     found.retain(|plane| plane.leans || plane.distance < 2.0 * radius);
-                    found.sort_by(|a: &Plane, b: &Plane| {
-                        b.leans.cmp(&a.leans).then(a.distance.total_cmp(&b.distance))
-                    });
+                    found.sort_by(|a: &Plane, b: &Plane| b.leans.cmp(&a.leans).then(a.distance.total_cmp(&b.distance)));
                     *leaning |= u16::from(found.first().is_some_and(|plane| plane.leans)) << lane;
                     for (layer, plane) in found.iter().take(WALLS).enumerate() {
                         if first + layer == walls.len() {

@@ -10,19 +10,10 @@ use crate::scene::Scene;
 /// Walls whose normals differ by less than this cosine are one: neighbouring faces of a curved mesh.
 const ONE_WALL: f64 = 0.9;
 
-/// Discs of more mean free paths than this lean on boundaries: across a ray that leaves at an angle θ to the normal,
-/// they would blend depths r sin θ apart.
-const LEANING: f32 = 0.05;
-
-/// So many mean free paths from the boundary at least.
-const LEANING_DEPTH: f32 = 1.0;
-
-/// How far away walls matter to a photon whose disc has this radius, and whether the disc leans on the nearest
-/// boundary of its region.
-pub fn reach(radius: f32, mean_free_path: f32) -> (f32, bool) {
-    let leans = radius > LEANING * mean_free_path;
-    (if leans { (2.0 * radius).max(LEANING_DEPTH * mean_free_path) } else { 2.0 * radius }, leans)
-}
+/// Discs of more mean free paths than this lean on the nearest boundary of their region: across a ray that leaves at an
+/// angle θ to the normal, they would blend depths r sin θ apart. Smaller ones lose less than they would by leaning on
+/// walls that the ray does not come through.
+pub const LEANING: f32 = 0.5;
 
 /// The three nearest walls within `radius` of a photon: opaque surfaces, and boundaries of its region. A face
 /// counts where the photon stands over it, not past its edge: beyond an edge there is room. Faces that coincide

@@ -376,9 +376,11 @@ impl<P: Progress> Renderer<'_, P> {
         };
         let summaries = maps.summaries();
         if first {
+            // Discs that lean on boundaries blend no depths.
+            let leans = |region| self.plan.points.is_none() && region != scene.world_region;
             let wide =
                 |(region, map): &(u32, Summary)| wide_discs(scene, *region, map.radii, extinctions[*region as usize]);
-            self.warnings.extend(summaries.iter().filter_map(wide));
+            self.warnings.extend(summaries.iter().filter(|(region, _)| !leans(*region)).filter_map(wide));
         }
         self.stats.tally.broken += summaries.iter().map(|(_, map)| map.rejected as u64).sum::<u64>();
         self.stats.map_bytes = self.stats.map_bytes.max(summaries.iter().map(|(_, map)| map.bytes as u64).sum());
@@ -424,19 +426,13 @@ impl Maps {
     }
 }
 
-fn beam_maps(
-    scene: &Scene,
-    plan: &Plan,
-    scale: f32,
-    extinctions: &[f64],
-    regions: Vec<Vec<Photon>>,
-) -> VolumeMaps {
+fn beam_maps(scene: &Scene, plan: &Plan, scale: f32, extinctions: &[f64], regions: Vec<Vec<Photon>>) -> VolumeMaps {
     let build = |(photons, extinction): (Vec<Photon>, &f64)| {
         let settings =
             MapSettings { tagged: plan.tagged, scale, profile: plan.profile, ..MapSettings::new(plan.radius) };
         let near = |position, radius, planes: &mut _| {
-            let (reach, leans) = walls::reach(radius, (1.0 / extinction) as f32);
-            walls::near(scene, position, reach, leans, planes);
+            // The disc is drawn around a foot point that may be a radius away from the photon.
+            walls::near(scene, position, 2.0 * radius, radius * *extinction as f32 > walls::LEANING, planes);
         };
         (!photons.is_empty()).then(|| PhotonMap::build(photons, &settings, &near))
     };
@@ -531,7 +527,7 @@ fn wide_discs(scene: &Scene, region: u32, radii: Radii, extinction: f64) -> Opti
     let share = radii.mean as f64 * extinction;
     medium_of(scene, region).filter(|_| share > WIDE).map(|medium| {
         format!(
-            "medium {}: photons are spread over {:.3e} on average, which is {share:.2} mean free paths; above {WIDE} its lit surface is blurred and too dark: raise photons.volume, lower volume.neighbours, or use method \"path\"",
+            "medium {}: photons are spread over {:.3e} on average, which is {share:.2} mean free paths; above {WIDE} its lit surface is blurred and too dark: raise photons.volume, lower volume.neighbours or volume.radius, or use method \"path\"",
             medium.name, radii.mean
         )
     })

@@ -59,6 +59,14 @@ pub struct Points {
 const VOLUME_PHOTONS: u64 = 2_000_000;
 /// n of adaptive radii, unless the scene file says otherwise.
 const NEIGHBOURS: u32 = 60;
+/// The same where all media that scatter are solids of more than [`THICK`] mean free paths. Only photons within a few
+/// mean free paths of the surface count there, and only those are kept: discs are small even so, but few of them meet
+/// a ray. More neighbours make up for that: light that has scattered often hardly changes within their discs.
+const DENSE_PHOTONS: u64 = 1_000_000;
+/// See [`DENSE_PHOTONS`].
+const DENSE_NEIGHBOURS: u32 = 300;
+/// See [`DENSE_PHOTONS`].
+const THICK: f64 = 30.0;
 /// The share of the largest extent of the photons that adaptive radii may reach at most.
 const MAX_RADIUS_SHARE: f64 = 0.1;
 /// Steps across the extent of the photons, unless the scene file says otherwise.
@@ -84,14 +92,15 @@ impl Plan {
         let volume = &scene.volume;
         // The extent that photons can fill: of media with an end, else of the scene.
         let extent = extent_of_media(scene);
+        let default_neighbours = if is_dense(scene) { DENSE_NEIGHBOURS } else { NEIGHBOURS };
         let radius = match volume.kernel {
             Kernel::Fixed => {
                 // As wide as would hold n photons if they filled the extent evenly.
-                let chosen = extent * (NEIGHBOURS as f64 / photons.max(1) as f64).cbrt() * 0.5;
+                let chosen = extent * (default_neighbours as f64 / photons.max(1) as f64).cbrt() * 0.5;
                 Radius::Fixed(volume.radius.unwrap_or(chosen) as f32)
             }
             Kernel::Variable => {
-                let neighbours = volume.neighbours.unwrap_or(NEIGHBOURS);
+                let neighbours = volume.neighbours.unwrap_or(default_neighbours);
                 // Sub-maps hold fewer photons; the same radius holds fewer neighbours.
                 let neighbours = (neighbours / parts).max(5);
                 let pilot = volume.pilot.unwrap_or_else(|| ((neighbours as f64).sqrt().ceil() as u32).max(5));
@@ -169,7 +178,20 @@ pub fn volume_photons(scene: &Scene) -> u64 {
         && scene.volume.single_scattering != SingleScattering::Photons
         && scene.glows.is_empty();
     let gathers = scene.render.method == Method::Photon && scatters && shines && !traces_all;
-    if gathers { scene.photons.volume.unwrap_or(VOLUME_PHOTONS) } else { 0 }
+    let default = if is_dense(scene) { DENSE_PHOTONS } else { VOLUME_PHOTONS };
+    if gathers { scene.photons.volume.unwrap_or(default) } else { 0 }
+}
+
+/// Whether all media that scatter are in solids that hardly any light passes straight.
+fn is_dense(scene: &Scene) -> bool {
+    let scatters = |medium: Option<u32>| medium.filter(|&index| scene.media[index as usize].scatters());
+    let thickness = |medium: u32, shape: u32| {
+        let medium = &scene.media[medium as usize];
+        let extent = scene.geometry.bounds(shape).intersection(medium.density.support()).diagonal();
+        medium.extinction.max_element() * medium.density.max() * extent
+    };
+    let mut solids = scene.solids.iter().filter_map(|solid| Some((scatters(solid.medium)?, solid.shape))).peekable();
+    scatters(scene.world).is_none() && solids.peek().is_some() && solids.all(|(m, shape)| thickness(m, shape) > THICK)
 }
 
 /// The diagonal of the box around all media that scatter, as far as they end; else of the scene.

@@ -120,7 +120,10 @@ impl Rough {
             }
             let density = passes * self.visible_density(i, half) / (4.0 * cos);
             let reflected = reflected(cos);
-            return Facet { value: reflected * density, density: Rgb::splat((shares * reflected).element_sum() * density) };
+            return Facet {
+                value: reflected * density,
+                density: Rgb::splat((shares * reflected).element_sum() * density),
+            };
         }
         let disperses = Dielectric::disperses(self.from, self.to);
         let mut facet = none;
