@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use volpm::math::random::{Purpose, Stream};
-use volpm::math::{DVec3, Rgb};
+use volpm::math::{DVec2, DVec3, Rgb};
 use volpm::scene::description::*;
 use volpm::{Error, scene};
 
@@ -104,6 +104,13 @@ interior = "fog"
 type = "instance"
 of = "haze"
 transform = [{ translate = [1, 0, 0] }]
+
+[[shapes]]
+type = "lathe"
+profile = [[0, -1], [2, 0.5]]
+segments = 7
+crease = 12.5
+material = "white"
 
 [[lights]]
 name = "lamp"
@@ -239,11 +246,11 @@ fn every_key_is_read_as_the_manual_says() {
     assert_eq!(kinds, expected);
 
     let materials: Vec<_> = scene.shapes.iter().map(|shape| shape.material.value).collect();
-    assert_eq!(materials, [0, 3, 4, 1, 2, 3, 3]);
+    assert_eq!(materials, [0, 3, 4, 1, 2, 3, 3, 0]);
     let interiors: Vec<_> =
         scene.shapes.iter().map(|shape| shape.interior.as_ref().map(|medium| medium.value)).collect();
-    assert_eq!(interiors, [None, Some(0), None, None, None, Some(1), Some(0)]);
-    let [quad, haze, lamp, disk, cylinder, mesh, instance] = scene.shapes.as_slice() else { panic!() };
+    assert_eq!(interiors, [None, Some(0), None, None, None, Some(1), Some(0), None]);
+    let [quad, haze, lamp, disk, cylinder, mesh, instance, lathe] = scene.shapes.as_slice() else { panic!() };
     let edges = (10.0 * DVec3::Z, 10.0 * DVec3::X);
     assert_eq!(quad.kind, ShapeKind::Quad { origin: DVec3::new(-5.0, 0.0, -5.0), edge_u: edges.0, edge_v: edges.1 });
     let (min, max) = (DVec3::new(-1.0, 0.0, -1.0), DVec3::new(1.0, 3.0, 1.0));
@@ -258,6 +265,8 @@ fn every_key_is_read_as_the_manual_says() {
     assert_eq!(file.value, PathBuf::from("scenes/bunny.obj"));
     // A right-handed quarter turn about z, then the shift of the matrix's last column.
     assert!(mesh.transform.transform_point3(DVec3::X).abs_diff_eq(DVec3::new(7.0, 9.0, 9.0), 1e-15));
+    let profile = vec![DVec2::new(0.0, -1.0), DVec2::new(2.0, 0.5)];
+    assert_eq!(lathe.kind, ShapeKind::Lathe { profile, segments: Some(7), crease: 12.5 });
     assert_eq!((&instance.kind, instance.priority, instance.visible), (&ShapeKind::Instance { of: 1 }, -2, true));
 
     let [spot, point, directional, environment] = scene.lights.as_slice() else { panic!() };
@@ -489,6 +498,16 @@ const MISTAKES: &[(&str, &str, &str)] = &[
         "a cylinder without caps is not closed",
     ),
     (
+        "[media.a]\nsigma_a = 1\n[[shapes]]\ntype = \"lathe\"\nprofile = [[0, 0], [1, 1], [1, 2]]\ninterior = ‸\"a\"\n",
+        "shapes.0.interior",
+        "a lathe whose profile neither begins and ends on the axis",
+    ),
+    (
+        "[[shapes]]\ntype = \"lathe\"\nprofile = [[0, 0], ‸[1, 1, 2]]\nmaterial = \"none\"\n",
+        "shapes.0.profile.1",
+        "expected two numbers, [radius, height]",
+    ),
+    (
         "[[shapes]]\nname = \"é\"\ntype = \"sphere\"\ncenter = [0, 0, 0]\nradius = 1\nmaterial = \"none\"\n‸[[shapes]]\nname = \"é\"\ntype = \"sphere\"\ncenter = [0, 0, 0]\nradius = 1\nmaterial = \"none\"\n",
         "shapes.\"é\"",
         "another shape is named",
@@ -619,7 +638,6 @@ const LATER: &[&str] = &[
     "[surface]\nirradiance_cache = true\n",
     "[surface]\nneighbours = 80\n",
     "[surface]\nfilter = \"cone\"\n",
-    "[[shapes]]\ntype = \"lathe\"\nprofile = [[0, 0], [1, 1]]\nsegments = 3\ncrease = 30\n",
     "[materials.a]\ntype = \"oren_nayar\"\nreflectance = 1\nsigma = 0.5\n",
     "[materials.a]\ntype = \"schlick\"\nf0 = 1\nroughness = 0.5\nisotropy = 1\n",
     "[materials.a]\ntype = \"phong\"\ndiffuse = 0.5\nspecular = 0.5\nexponent = 10\n",

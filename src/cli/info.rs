@@ -15,7 +15,7 @@ use crate::{Error, Result};
 
 #[derive(Args)]
 pub struct Arguments {
-    /// A scene (.toml), volume (.vdb, .npy), mesh (.obj), image (.exr, .png, .pfm, .hdr) or checkpoint.
+    /// A scene (.toml), volume (.vdb, .npy), mesh (.obj, .obj.gz), image (.exr, .png, .pfm, .hdr) or checkpoint.
     file: PathBuf,
     /// As JSON.
     #[arg(long)]
@@ -24,17 +24,21 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     let path = &arguments.file;
-    let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let ending_of = |path: &Path| path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
+    let ending = match ending_of(path) {
+        Some(packed) if packed == "gz" => ending_of(&path.with_extension("")).unwrap_or_default() + ".gz",
+        ending => ending.unwrap_or_default(),
+    };
     let facts = match ending.as_str() {
         "toml" => scene_facts(path)?,
         "vdb" => vdb_facts(path)?,
         "npy" => npy_facts(path)?,
-        "obj" => mesh_facts(path)?,
+        "obj" | "obj.gz" => mesh_facts(path)?,
         "exr" | "png" | "pfm" | "hdr" => image_facts(path)?,
         _ if path.is_file() && Checkpoint::is_one(path) => checkpoint_facts(path)?,
         _ => {
             return Err(Error::Usage(format!(
-                "{}: nothing is known of files ending in {ending:?}; expected .toml, .vdb, .npy, .obj, .exr, .png, .pfm, .hdr, or a checkpoint",
+                "{}: nothing is known of files ending in {ending:?}; expected .toml, .vdb, .npy, .obj, .obj.gz, .exr, .png, .pfm, .hdr, or a checkpoint",
                 path.display()
             )));
         }

@@ -85,7 +85,7 @@ fn coordinates(d: DVec3, u: DVec3, v: DVec3) -> (f64, f64) {
 
 /// The point closest to `p` of a closed curve over cosine and sine of the turn: the best of some places,
 /// refined by golden sections (Kiefer 1953).
-fn closest_of_turn(p: DVec3, curve: impl Fn(f64, f64) -> DVec3) -> DVec3 {
+pub(super) fn closest_of_turn(p: DVec3, curve: impl Fn(f64, f64) -> DVec3) -> DVec3 {
     const PLACES: u32 = 64;
     const GOLDEN: f64 = 0.618_033_988_749_894_8;
     let at = |turn: f64| {

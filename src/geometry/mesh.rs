@@ -284,6 +284,12 @@ impl Mesh {
         (a + r * (1.0 - v) * (b - a) + r * v * (c - a), i as u32)
     }
 
+    /// The triangles whose boxes are within `limit` of `p`, roughly from near to far; `visit` returns the new
+    /// `limit`.
+    pub(super) fn near(&self, p: DVec3, limit: f64, visit: impl FnMut(u32) -> f64) {
+        self.tree.near(p, limit, visit);
+    }
+
     /// The triangles whose boxes overlap `query`, and a few more.
     pub(super) fn overlapping(&self, query: &Bounds, visit: impl FnMut(u32)) {
         self.tree.overlapping(query, visit);

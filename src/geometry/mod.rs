@@ -6,7 +6,7 @@
 //! ([`Geometry::nearest_surfaces`]), and samples of their areas. Everything is `f64`; only the
 //! hierarchies' boxes and the vertices of meshes are `f32`.
 //!
-//! *Out* is away from the inside for sphere, box, cylinder and any closed mesh, whatever its winding;
+//! *Out* is away from the inside for sphere, box, cylinder, lathe and any closed mesh, whatever its winding;
 //! edge_u × edge_v of the transformed edges for a quad; the side of `normal`, carried along by the
 //! inverse transpose, for a disk; the counter-clockwise side in object space, carried along by the
 //! transform, for an open mesh. A mirroring transform keeps out out.
@@ -15,6 +15,7 @@ mod cuboid;
 mod cylinder;
 mod disk;
 mod ellipsoid;
+mod lathe;
 mod mesh;
 mod obj;
 mod placed;
@@ -25,6 +26,7 @@ mod tree;
 pub use cuboid::Cuboid;
 pub use cylinder::Cylinder;
 pub use disk::Disk;
+pub use lathe::Lathe;
 pub use mesh::Mesh;
 pub use placed::{Placed, Shape};
 pub use quad::Quad;
@@ -42,7 +44,7 @@ pub struct Hit {
     pub t: f64,
     /// The index of the placed shape.
     pub id: u32,
-    /// The face of a box or cylinder, the triangle of a mesh; 0 for the others.
+    /// The face of a box or cylinder, the piece of a lathe, the triangle of a mesh; 0 for the others.
     pub primitive: u32,
     /// The unit geometric normal in the world, pointing out.
     pub normal: DVec3,
@@ -222,8 +224,8 @@ impl Geometry {
         }
     }
 
-    /// Whether a shape encloses a volume: spheres, boxes, cylinders with caps, and meshes as
-    /// [`Mesh::is_closed`] says.
+    /// Whether a shape encloses a volume: spheres, boxes, cylinders with caps, lathes whose ends lie on the
+    /// axis or coincide, and meshes as [`Mesh::is_closed`] says.
     pub fn is_closed(&self, id: u32) -> bool {
         self.placed[id as usize].is_closed()
     }
@@ -295,9 +297,20 @@ impl Geometry {
         if pdf.is_finite() { pdf } else { 0.0 }
     }
 
+    /// How far the nearest surface is from `p`; `limit` if it is farther. Quick however many triangles there
+    /// are. As exact as [`Geometry::nearest_surfaces`].
+    pub fn clearance(&self, p: DVec3, limit: f64) -> f64 {
+        let mut nearest = limit;
+        self.tree.near(p, limit, |i| {
+            nearest = self.placed[self.tree.order()[i as usize] as usize].clearance(p, nearest);
+            nearest
+        });
+        nearest
+    }
+
     /// Calls `visit` with the closest point of every face within `radius` of `p`: spheres, quads, disks
-    /// and cylinders' sides and caps have one, boxes six, meshes one a triangle, of which those of one
-    /// mesh that face the same way (to 10⁻³) are merged into the nearest. So the corner of a room gives
+    /// and cylinders' sides and caps have one, boxes six, lathes one a piece, meshes one a triangle, of which those of one
+    /// lathe or mesh that face the same way (to 10⁻³) are merged into the nearest. So the corner of a room gives
     /// three planes. Exact, except for a point inside a sphere stretched unequally, where it may be
     /// the closest only of its neighbourhood.
     pub fn nearest_surfaces(&self, p: DVec3, radius: f64, mut visit: impl FnMut(Near)) {
@@ -309,7 +322,7 @@ impl Geometry {
             if !placed.bounds().overlaps(&around) {
                 return;
             }
-            let merge = matches!(placed.shape(), Shape::Mesh(_));
+            let merge = matches!(placed.shape(), Shape::Lathe(_) | Shape::Mesh(_));
             merged.clear();
             placed.faces_near(p, radius, &mut |primitive, point, normal| {
                 let normal = if normal.dot(p - point) < 0.0 { -normal } else { normal };
@@ -380,7 +393,7 @@ impl Cone {
 mod tests {
     use super::*;
     use crate::math::random::{Purpose, Stream};
-    use crate::math::{DAffine3, DMat3, Vec3};
+    use crate::math::{DAffine3, DMat3, DVec2, Vec3};
     use std::f64::consts::PI;
     use std::sync::Arc;
 
@@ -446,9 +459,24 @@ mod tests {
         Mesh::new((0..8).map(corner).collect(), triangles, false).unwrap()
     }
 
+    /// A spindle with a waist, a ring of a slant edge, and discs; half of it above the equator.
+    const SPINDLE: [[f64; 2]; 8] =
+        [[0.0, -0.8], [0.5, -0.8], [0.7, -0.3], [0.3, 0.0], [0.3, 0.3], [0.6, 0.35], [0.2, 0.35], [0.0, 0.7]];
+    /// A ring with a square hole in the line's sense: closed without the axis.
+    const TORUS: [[f64; 2]; 5] = [[0.4, -0.2], [0.8, -0.1], [0.7, 0.3], [0.5, 0.3], [0.4, -0.2]];
+    const CUP: [[f64; 2]; 4] = [[0.0, -0.5], [0.4, -0.5], [0.4, 0.1], [0.7, 0.6]];
+
+    fn lathe(profile: &[[f64; 2]]) -> Shape {
+        let profile: Vec<DVec2> = profile.iter().map(|p| DVec2::from_array(*p)).collect();
+        Shape::Lathe(Arc::new(Lathe::new(&profile, 0.5).unwrap()))
+    }
+
     fn shapes() -> Vec<Shape> {
         let v = DVec3::new;
         vec![
+            lathe(&SPINDLE),
+            lathe(&TORUS),
+            lathe(&CUP),
             Shape::Sphere(Sphere::new(v(0.1, -0.2, 0.3), 0.7).unwrap()),
             Shape::Cuboid(Cuboid::new(v(-0.5, -0.9, -0.2), v(0.4, 0.3, 0.8)).unwrap()),
             Shape::Cylinder(Cylinder::new(v(-0.2, -0.6, 0.1), v(0.3, 0.7, -0.2), 0.45, true).unwrap()),
@@ -490,6 +518,26 @@ mod tests {
                 (d.abs(), d < 0.0)
             }
             Shape::Cylinder(c) => round(p, c.is_closed()),
+            Shape::Lathe(l) => {
+                let profile = match (l.is_closed(), l.bounds(&DAffine3::IDENTITY).min.y < -0.4) {
+                    (false, _) => &CUP[..],
+                    (true, true) => &SPINDLE,
+                    (true, false) => &TORUS,
+                };
+                let q = DVec2::new(p.x.hypot(p.z), p.y);
+                let pieces = || profile.windows(2).map(|pair| [DVec2::from_array(pair[0]), DVec2::from_array(pair[1])]);
+                let distance = |[a, b]: [DVec2; 2]| {
+                    let share = ((q - a).dot(b - a) / (b - a).length_squared()).clamp(0.0, 1.0);
+                    q.distance(a.lerp(b, share))
+                };
+                // How often the line, closed by its mirror image, goes around: a sum of angles.
+                let turn = |[a, b]: [DVec2; 2]| (a - q).angle_to(b - q);
+                let mirror = |p: DVec2| DVec2::new(-p.x, p.y);
+                let (here, there): (f64, f64) =
+                    (pieces().map(turn).sum(), pieces().map(|[a, b]| turn([mirror(b), mirror(a)])).sum());
+                let inside = l.is_closed() && (here + there).abs() > PI;
+                (pieces().map(distance).fold(f64::INFINITY, f64::min), inside)
+            }
             Shape::Mesh(m) => {
                 let plane = |i| {
                     let [a, b, c] = m.corners(i);
@@ -736,6 +784,8 @@ mod tests {
                 let mut inside = SmallVec::new();
                 tree.containing(p, &mut inside);
                 assert!((0..count as u32).filter(|&id| tree.contains(id, p)).eq(inside));
+                let nearest = alone.iter().map(|one| one.clearance(p, 0.3)).fold(0.3, f64::min);
+                assert_eq!(tree.clearance(p, 0.3), nearest);
                 let (mut found, mut expected) = (Vec::new(), Vec::new());
                 tree.nearest_surfaces(p, 0.3, |near| found.push((near.id, near.primitive, near.distance.to_bits())));
                 for (id, one) in alone.iter().enumerate() {
@@ -906,6 +956,8 @@ mod tests {
                 let mut any = false;
                 geometry.nearest_surfaces(p, 0.99 * nearest, |_| any = true);
                 assert!(!any);
+                assert!((geometry.clearance(p, 10.0) - nearest).abs() < 1e-9);
+                assert_eq!(geometry.clearance(p, 0.5 * nearest), 0.5 * nearest);
             }
         });
     }

@@ -1,4 +1,5 @@
-//! Wavefront OBJ files: vertices, texture coordinates, normals and faces; the rest is skipped.
+//! Wavefront OBJ files, plain or compressed by gzip: vertices, texture coordinates, normals and faces; the
+//! rest is skipped.
 //!
 //! The format is read here and not by `tobj`, which tests compare it with: `tobj` 4.0.5 cuts concave
 //! polygons into fans that overlap, names no lines in its errors, and computes places of hostile
@@ -8,12 +9,14 @@ use super::Mesh;
 use super::mesh::{MAX_TRIANGLES, Parts};
 use crate::math::{DVec2, DVec3, Vec3};
 use crate::{Error, Result};
+use flate2::read::MultiGzDecoder;
 use glam::Vec2;
 use std::collections::HashMap;
 use std::fs;
+use std::io::Read;
 use std::path::Path;
 
-/// Larger files are refused.
+/// Larger files are refused, as are compressed ones that unpack to more.
 const MAX_BYTES: u64 = 16 << 30;
 /// Polygons that are not convex are cut in quadratic time: those with more corners are refused.
 const MAX_CONCAVE: usize = 5000;
@@ -24,7 +27,7 @@ const ABSENT: u32 = u32::MAX;
 type Corner = [u32; 3];
 
 impl Mesh {
-    /// The faces of a Wavefront OBJ file as one mesh; materials, groups, lines and points are skipped.
+    /// The faces of a Wavefront OBJ file, plain or compressed by gzip, as one mesh; materials, groups, lines and points are skipped.
     /// Polygons are cut into triangles, concave ones by their ears. With `smooth` the shading normals
     /// are the file's or, where it has none, the mean around the vertex, weighted by area.
     ///
@@ -41,7 +44,10 @@ impl Mesh {
             let message = format!("{}: {} bytes: at most {MAX_BYTES} can be read", path.display(), found.len());
             return Err(Error::Limit(message));
         }
-        let bytes = fs::read(path).map_err(|e| Error::asset(path, e))?;
+        let mut bytes = fs::read(path).map_err(|e| Error::asset(path, e))?;
+        if bytes.starts_with(&GZIP) {
+            bytes = unpack(&bytes, path)?;
+        }
         let text = String::from_utf8(bytes).map_err(|e| {
             let line = 1 + e.as_bytes()[..e.utf8_error().valid_up_to()].iter().filter(|&&b| b == b'\n').count();
             Error::asset(path, format!("line {line}: not UTF-8 text: expected a Wavefront OBJ file"))
@@ -56,6 +62,24 @@ impl Mesh {
             other => other,
         })
     }
+}
+
+/// How files compressed by gzip begin (RFC 1952).
+const GZIP: [u8; 2] = [0x1f, 0x8b];
+
+fn unpack(bytes: &[u8], path: &Path) -> Result<Vec<u8>> {
+    let mut unpacked = Vec::new();
+    MultiGzDecoder::new(bytes)
+        .take(MAX_BYTES + 1)
+        .read_to_end(&mut unpacked)
+        .map_err(|e| Error::asset(path, format!("cannot be unpacked by gzip: {e}: the file is damaged")))?;
+    if unpacked.len() as u64 > MAX_BYTES {
+        return Err(Error::Limit(format!(
+            "{}: unpacks to more than the {MAX_BYTES} bytes that can be read",
+            path.display()
+        )));
+    }
+    Ok(unpacked)
 }
 
 /// A line number and what is wrong there.
@@ -260,6 +284,7 @@ mod tests {
     use super::*;
     use crate::geometry::{Cluster, Geometry, Placed, Shape};
     use crate::math::{DAffine3, Ray};
+    use std::io::Write;
     use std::sync::Arc;
 
     fn load(bytes: &[u8], smooth: bool) -> Result<Mesh> {
@@ -339,6 +364,19 @@ mod tests {
         assert!(!open.is_closed() && open.volume().is_none() && open.triangle_count() == 10);
     }
 
+    fn gzip(text: &str) -> Vec<u8> {
+        let mut out = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+        out.write_all(text.as_bytes()).unwrap();
+        out.finish().unwrap()
+    }
+
+    #[test]
+    fn compressed_files_are_the_same_mesh() {
+        let (plain, packed) = (load(CUBE.as_bytes(), true).unwrap(), load(&gzip(CUBE), true).unwrap());
+        assert_eq!((plain.triangle_count(), plain.volume()), (packed.triangle_count(), packed.volume()));
+        assert!((0..12).all(|i| plain.corners(i) == packed.corners(i)));
+    }
+
     #[test]
     fn smooth_normals_are_the_files_or_the_mean() {
         // ---- a roof: the ridge's mean points up, the file's normal wins
@@ -415,6 +453,8 @@ mod tests {
             assert!(error.to_string().contains(expected), "{error}");
             assert!(matches!(error, Error::Asset { .. }));
         }
+        let error = load(&gzip(CUBE)[..60], true).unwrap_err();
+        assert!(error.to_string().contains("the file is damaged") && matches!(error, Error::Asset { .. }), "{error}");
         let error = load(b"v 0 0 0\nv \xff", true).unwrap_err();
         assert!(error.to_string().contains("line 2: not UTF-8"), "{error}");
         let folder = tempfile::tempdir().unwrap();

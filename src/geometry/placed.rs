@@ -1,9 +1,9 @@
-use super::{Cuboid, Cylinder, Disk, Mesh, Quad, Sphere, cylinder, ellipsoid};
+use super::{Cuboid, Cylinder, Disk, Lathe, Mesh, Quad, Sphere, cylinder, ellipsoid};
 use crate::math::{Bounds, DAffine3, DMat3, DVec3, Ray};
 use crate::{Error, Result};
 use std::sync::Arc;
 
-/// A shape in its own space. A mesh is shared by all its instances.
+/// A shape in its own space. Meshes and lathes are shared by all their instances.
 #[derive(Clone, Debug)]
 pub enum Shape {
     /// A sphere.
@@ -16,6 +16,8 @@ pub enum Shape {
     Disk(Disk),
     /// A circular cylinder.
     Cylinder(Cylinder),
+    /// A polyline turned about the y axis.
+    Lathe(Arc<Lathe>),
     /// Triangles.
     Mesh(Arc<Mesh>),
 }
@@ -135,6 +137,7 @@ impl Placed {
             Shape::Sphere(_) | Shape::Cuboid(_) => true,
             Shape::Quad(_) | Shape::Disk(_) => false,
             Shape::Cylinder(c) => c.is_closed(),
+            Shape::Lathe(l) => l.is_closed(),
             Shape::Mesh(m) => m.is_closed(),
         }
     }
@@ -146,6 +149,7 @@ impl Placed {
             Shape::Cuboid(c) => c.contains(p),
             Shape::Quad(_) | Shape::Disk(_) => false,
             Shape::Cylinder(c) => c.contains(p),
+            Shape::Lathe(l) => l.contains(p),
             Shape::Mesh(m) => m.contains(p),
         }
     }
@@ -185,6 +189,7 @@ impl Placed {
             Shape::Quad(q) => q.crossings(ray, range, &mut |t| inside(t, 0)),
             Shape::Disk(d) => d.crossings(ray, &mut |t| inside(t, 0)),
             Shape::Cylinder(c) => c.crossings(ray, &mut inside),
+            Shape::Lathe(l) => l.crossings(ray, &mut inside),
             Shape::Mesh(m) => m.crossings(ray, t_min, t_max, visit),
         }
     }
@@ -197,6 +202,7 @@ impl Placed {
             Shape::Quad(q) => q.normal(),
             Shape::Disk(d) => d.normal(),
             Shape::Cylinder(c) => c.normal(p, primitive),
+            Shape::Lathe(l) => l.normal(p, primitive),
             Shape::Mesh(m) => m.normal(primitive),
         }
     }
@@ -217,14 +223,22 @@ impl Placed {
             Shape::Quad(q) => q.uv(p),
             Shape::Disk(d) => d.uv(p),
             Shape::Cylinder(c) => c.uv(p, primitive),
+            Shape::Lathe(l) => {
+                return self.shaded(normal, l.shading_normal(p, primitive), l.uv(p, primitive));
+            }
             Shape::Mesh(m) => {
                 let (shading, uv) = m.shading(primitive, weights, local);
-                let shading = self.normal_to_world(shading).normalize_or(normal);
-                let shading_normal = if shading.dot(normal) < 0.0 { -shading } else { shading };
-                return Surface { normal, shading_normal, uv };
+                return self.shaded(normal, shading, uv);
             }
         };
         Surface { normal, shading_normal: normal, uv }
+    }
+
+    /// With a shading normal in object space, brought to the side of `normal`.
+    fn shaded(&self, normal: DVec3, shading: DVec3, uv: [f64; 2]) -> Surface {
+        let shading = self.normal_to_world(shading).normalize_or(normal);
+        let shading_normal = if shading.dot(normal) < 0.0 { -shading } else { shading };
+        Surface { normal, shading_normal, uv }
     }
 
     /// How many times larger an area with the world's unit normal `n` is in the world:
@@ -248,6 +262,8 @@ impl Placed {
                 // The side's area element is |axis × (u cos φ + v sin φ)| dφ: the rim of an ellipse.
                 ellipsoid::circumference(axis.cross(u), axis.cross(v)) + 2.0 * cap
             }
+            (Shape::Lathe(l), Some(scale)) => scale * scale * l.area(),
+            (Shape::Lathe(l), None) => l.stretched_area(m),
             (Shape::Mesh(mesh), Some(scale)) => scale * scale * mesh.area(),
             (Shape::Mesh(mesh), None) => (0..mesh.triangle_count() as u32)
                 .map(|i| {
@@ -271,6 +287,7 @@ impl Placed {
             Shape::Quad(q) => (q.sample(u), 0),
             Shape::Disk(d) => (d.sample(u), 0),
             Shape::Cylinder(c) => c.sample(u),
+            Shape::Lathe(l) => l.sample(u),
             Shape::Mesh(m) => m.sample(u),
         };
         let normal = self.normal_to_world(self.local_normal(local, primitive));
@@ -286,6 +303,7 @@ impl Placed {
             Shape::Cuboid(_) | Shape::Quad(_) | Shape::Disk(_) => return self.area.recip(),
             Shape::Sphere(s) => s.area(),
             Shape::Cylinder(c) => c.area(),
+            Shape::Lathe(l) => l.area(),
             Shape::Mesh(m) => m.area(),
         };
         (local_area * self.area_ratio(normal)).recip()
@@ -347,6 +365,15 @@ impl Placed {
                 let face = Face::Ellipse(m.transform_point3(center), radii, self.similarity.is_some());
                 flat(0, face, self.normal_to_world(d.normal()));
             }
+            Shape::Lathe(l) => {
+                let local = self.to_local.transform_point3(p);
+                l.closest((p, local), m, self.similarity.is_some(), |piece, on| {
+                    if on.distance_squared(p) <= radius * radius {
+                        let normal = l.normal(self.to_local.transform_point3(on), piece);
+                        visit(piece, on, self.normal_to_world(normal));
+                    }
+                });
+            }
             Shape::Cylinder(c) => {
                 let (base, radii, axis) = c.axes();
                 let (radii, axis) = (radii.map(|a| m.transform_vector3(a)), m.transform_vector3(axis));
@@ -364,6 +391,24 @@ impl Placed {
                 }
             }
         }
+    }
+
+    /// How far the surface is from `p`; `limit` if it is farther.
+    pub(super) fn clearance(&self, p: DVec3, limit: f64) -> f64 {
+        let mut nearest = limit;
+        match (&self.shape, self.similarity) {
+            (Shape::Mesh(mesh), Some(scale)) => {
+                let local = self.to_local.transform_point3(p);
+                let mut near = limit / scale;
+                mesh.near(local, near, |i| {
+                    near = near.min(Face::Triangle(mesh.corners(i)).closest(local).distance(local));
+                    near
+                });
+                nearest = nearest.min(near * scale);
+            }
+            _ => self.faces_near(p, limit, &mut |_, on, _| nearest = nearest.min(on.distance(p))),
+        }
+        nearest
     }
 
     /// The image of the closest point in object space is the closest in the world, too, under a
@@ -404,6 +449,7 @@ impl Shape {
             Shape::Quad(q) => q.bounds(m),
             Shape::Disk(d) => d.bounds(m),
             Shape::Cylinder(c) => c.bounds(m),
+            Shape::Lathe(l) => l.bounds(m),
             Shape::Mesh(mesh) => mesh.bounds().transformed(m),
         }
     }

@@ -123,6 +123,43 @@ impl Tree {
         );
     }
 
+    /// Calls `visit` for boxes within `limit` of `p`, roughly from near to far, with their places in
+    /// [`Tree::order`]. `visit` returns the new `limit`.
+    pub fn near(&self, p: DVec3, mut limit: f64, mut visit: impl FnMut(u32) -> f64) {
+        if self.nodes.nodes.is_empty() {
+            return;
+        }
+        let q = (p - self.center) * self.scale;
+        let reach = |limit: f64| (limit * self.scale) * (1.0 + 1e-6);
+        let mut pending: SmallVec<[(f64, u32); 32]> = SmallVec::new();
+        pending.push((0.0, 0));
+        while let Some((distance, node)) = pending.pop() {
+            if distance > reach(limit) {
+                continue;
+            }
+            let node = &self.nodes.nodes[node as usize];
+            let before = pending.len();
+            for child in (0..8).filter(|&child| !node.is_child_empty(child)) {
+                let around = node.child_aabb(child);
+                let (min, max) = (around.min.as_dvec3(), around.max.as_dvec3());
+                let distance = q.distance(q.max(min).min(max));
+                if distance > reach(limit) {
+                    continue;
+                }
+                if node.is_leaf(child) {
+                    let (first, count) = node.child_primitives(child);
+                    for index in first..first + count {
+                        limit = visit(index);
+                    }
+                } else {
+                    pending.push((distance, node.child_node_index(child)));
+                }
+            }
+            // The nearest comes last: it is the next.
+            pending[before..].sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
+        }
+    }
+
     /// The traversal of Ylitie et al. 2017, section 4.2. `test` gives the mask of a node's children to
     /// visit, `visit` whether to go on.
     #[inline]

@@ -335,9 +335,7 @@ impl Tracer<'_> {
         let deepest = DEEPEST / extinction;
         if *clear < deepest {
             // Twice as far, so that this need not be asked soon again.
-            let mut nearest = 2.0 * deepest;
-            self.scene.geometry.nearest_surfaces(p, nearest, |near| nearest = nearest.min(near.distance));
-            *clear = nearest;
+            *clear = self.scene.geometry.clearance(p, 2.0 * deepest);
         }
         let camera = &self.scene.camera;
         let from_camera = p.distance(camera.position) - camera.aperture;

@@ -24,6 +24,9 @@ pub const LEANING: f32 = 0.5;
 pub fn near(scene: &Scene, position: Vec3, radius: f32, leans: bool, walls: &mut SmallVec<[Plane; 3]>) {
     const MOST: usize = 3;
     let p = position.as_dvec3();
+    if scene.geometry.clearance(p, radius.into()) >= radius.into() {
+        return;
+    }
     let mut faces: SmallVec<[(Near, bool); 8]> = SmallVec::new();
     scene.geometry.nearest_surfaces(p, radius as f64, |mut near| {
         let above = (p - near.point).dot(near.normal);
@@ -68,7 +71,5 @@ pub fn near(scene: &Scene, position: Vec3, radius: f32, leans: bool, walls: &mut
 
 /// How far the nearest surface is from `position`, of any kind; `limit` if it is farther.
 pub fn clearance(scene: &Scene, position: Vec3, limit: f32) -> f32 {
-    let mut nearest = f64::from(limit);
-    scene.geometry.nearest_surfaces(position.as_dvec3(), nearest, |near| nearest = nearest.min(near.distance));
-    nearest as f32
+    scene.geometry.clearance(position.as_dvec3(), limit.into()) as f32
 }

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use super::Glow;
 use super::description::{self as said, Description, LightKind, Located, MaterialKind, ShapeKind, Strength};
 use super::world::{Scene, Solid, Surface};
-use crate::geometry::{Cuboid, Cylinder, Disk, Geometry, Mesh, Placed, Quad, Shape, Sphere};
+use crate::geometry::{Cuboid, Cylinder, Disk, Geometry, Lathe, Mesh, Placed, Quad, Shape, Sphere};
 use crate::image;
 use crate::light::{self, Area, Cone, Directional, Environment, Light, Point, Profile, Sides, Spot, Surroundings};
 use crate::math::{Bounds, DAffine3, DVec3, Rgb};
@@ -184,6 +184,14 @@ impl<'d> Builder<'d> {
             ShapeKind::Disk { center, normal, radius } => Disk::new(*center, *normal, *radius).map(Shape::Disk),
             ShapeKind::Cylinder { base, top, radius, caps } => {
                 Cylinder::new(*base, *top, *radius, *caps).map(Shape::Cylinder)
+            }
+            ShapeKind::Lathe { profile, segments, crease } => {
+                let crease = crease.to_radians();
+                let made = match segments {
+                    Some(segments) => Lathe::facets(profile, *segments, crease).map(|mesh| Shape::Mesh(Arc::new(mesh))),
+                    None => Lathe::new(profile, crease).map(|lathe| Shape::Lathe(Arc::new(lathe))),
+                };
+                made.map_err(|error| shape.place.error(error))
             }
             ShapeKind::Mesh { file, smooth } => self.mesh(file, *smooth).map(Shape::Mesh),
             ShapeKind::Instance { .. } => Err(shape.place.error("an instance of an instance")),

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::Error;
-use crate::math::{DAffine3, DVec3, Rgb};
+use crate::math::{DAffine3, DVec2, DVec3, Rgb};
 
 /// Where in a scene file, or in which `--set`, something was said.
 #[derive(Clone, PartialEq)]
@@ -145,6 +145,7 @@ impl Description {
                 | ShapeKind::Quad { .. }
                 | ShapeKind::Disk { .. }
                 | ShapeKind::Cylinder { .. }
+                | ShapeKind::Lathe { .. }
                 | ShapeKind::Instance { .. } => {}
             }
         }
@@ -507,9 +508,18 @@ pub enum ShapeKind {
         /// Whether the ends are closed.
         caps: bool,
     },
+    /// A polyline turned about the y axis.
+    Lathe {
+        /// Points (radius, height): at least two, those in a row differ, radii are not below 0.
+        profile: Vec<DVec2>,
+        /// Flat facets around the axis; none for round.
+        segments: Option<u32>,
+        /// Kinks of less than this, in degrees, are shaded round.
+        crease: f64,
+    },
     /// Triangles from a file.
     Mesh {
-        /// An `.obj` file.
+        /// An `.obj` file, or an `.obj.gz` one.
         file: Located<PathBuf>,
         /// Whether the file's shading normals are used.
         smooth: bool,

@@ -163,8 +163,8 @@ impl<'a> Item<'a> {
     /// A file name with one of `endings`, resolved against `folder`.
     pub(super) fn file(&self, folder: &Path, endings: &[&str]) -> Read<Located<PathBuf>> {
         let text = self.string()?;
-        let ending = Path::new(text).extension().and_then(|ending| ending.to_str()).unwrap_or_default();
-        if !endings.iter().any(|known| known.eq_ignore_ascii_case(ending)) {
+        let lower = text.to_ascii_lowercase();
+        if !endings.iter().any(|known| lower.strip_suffix(known).is_some_and(|rest| rest.ends_with('.'))) {
             let endings: Vec<String> = endings.iter().map(|ending| format!(".{ending}")).collect();
             return Err(self.expected(format!("the name of a file that ends in {}", endings.join(" or "))));
         }
@@ -246,14 +246,17 @@ impl<'a> Item<'a> {
         self.number_where("0, or a number above 0 (from 1e-100 to 1e100)", accepts)
     }
 
+    /// A number that a length may be, with either sign.
+    pub(super) fn coordinate(&self) -> Read<f64> {
+        self.number_where("a number from -1e100 to 1e100", |x| (-LARGEST..=LARGEST).contains(&x))
+    }
+
     /// `[x, y, z]`
     pub(super) fn vector(&self) -> Read<DVec3> {
         let expected = "three numbers, [x, y, z]";
         let items = self.array(expected)?;
         let [x, y, z] = items.as_slice() else { return Err(self.expected(expected)) };
-        let coordinate =
-            |item: &Item| item.number_where("a number from -1e100 to 1e100", |x| (-LARGEST..=LARGEST).contains(&x));
-        let (x, y, z) = (coordinate(x), coordinate(y), coordinate(z));
+        let (x, y, z) = (x.coordinate(), y.coordinate(), z.coordinate());
         Ok(DVec3::new(x?, y?, z?))
     }
 

@@ -5,7 +5,8 @@ use std::collections::HashMap;
 use super::materials::NONE;
 use super::transform::{NOT_INVERTIBLE, is_invertible, transform};
 use super::{Either, Names, all, either};
-use crate::math::{DAffine3, Rgb};
+use crate::geometry::Lathe;
+use crate::math::{DAffine3, DVec2, Rgb};
 use crate::scene::description::{Located, Material, MaterialKind, Shape, ShapeEmission, ShapeKind, Side, Strength};
 use crate::scene::table::{Item, Noted, Read, Table, name_of, unit};
 
@@ -109,6 +110,7 @@ fn kind(table: &Table, names: &Names, shapes: &ShapeNames) -> Read<ShapeKind> {
         Quad,
         Disk,
         Cylinder,
+        Lathe,
         Mesh,
         Instance,
     }
@@ -119,10 +121,11 @@ fn kind(table: &Table, names: &Names, shapes: &ShapeNames) -> Read<ShapeKind> {
             ("quad", Kind::Quad),
             ("disk", Kind::Disk),
             ("cylinder", Kind::Cylinder),
+            ("lathe", Kind::Lathe),
             ("mesh", Kind::Mesh),
             ("instance", Kind::Instance),
         ];
-        item.choice(&kinds, &["lathe"])
+        item.choice(&kinds, &[])
     })?;
     match kind {
         Kind::Sphere => {
@@ -170,8 +173,21 @@ fn kind(table: &Table, names: &Names, shapes: &ShapeNames) -> Read<ShapeKind> {
             }
             Ok(ShapeKind::Cylinder { base, top, radius: radius?, caps: caps? })
         }
+        Kind::Lathe => {
+            let profile = table.require("profile", |item| {
+                let points = item.array("a list of points, [[radius, height], …]")?;
+                if points.len() < 2 {
+                    return Err(item.fail(format!("found {} points; expected at least 2", points.len())));
+                }
+                all(&points, profile_point)
+            });
+            let segments = table.get("segments", |item| item.u32(3));
+            let crease = table.get_or("crease", 30.0, |item| item.within(0.0, 180.0));
+            table.finish()?;
+            Ok(ShapeKind::Lathe { profile: profile?, segments: segments?, crease: crease? })
+        }
         Kind::Mesh => {
-            let file = table.require("file", |item| item.file(names.folder, &["obj"]));
+            let file = table.require("file", |item| item.file(names.folder, &["obj", "obj.gz"]));
             let smooth = table.get_or("smooth", true, Item::boolean);
             table.finish()?;
             Ok(ShapeKind::Mesh { file: file?, smooth: smooth? })
@@ -186,6 +202,15 @@ fn kind(table: &Table, names: &Names, shapes: &ShapeNames) -> Read<ShapeKind> {
             Ok(ShapeKind::Instance { of: of? })
         }
     }
+}
+
+/// `[radius, height]`
+fn profile_point(item: &Item) -> Read<DVec2> {
+    let expected = "two numbers, [radius, height]";
+    let numbers = item.array(expected)?;
+    let [radius, height] = numbers.as_slice() else { return Err(item.expected(expected)) };
+    let (radius, height) = (radius.length_or_zero(), height.coordinate());
+    Ok(DVec2::new(radius?, height?))
 }
 
 /// Resolves instances and default materials, and checks what depends on both. `materials` gains those
@@ -251,6 +276,9 @@ fn check_closed(item: &Item, shape: &Shape, root: &Shape, materials: &[Material]
         ShapeKind::Quad { .. } => "a quad",
         ShapeKind::Disk { .. } => "a disk",
         ShapeKind::Cylinder { caps: false, .. } => "a cylinder without caps",
+        ShapeKind::Lathe { ref profile, .. } if !Lathe::closes(profile) => {
+            "a lathe whose profile neither begins and ends on the axis nor comes back to its beginning"
+        }
         _ => return Ok(()),
     };
     if let Some(interior) = &shape.interior {
