@@ -73,8 +73,10 @@ impl SharedMap {
     pub fn build(scene: &Scene, photons: &SharedPhotons) -> Result<SharedMap> {
         let camera = Camera::new(&scene.camera, &scene.film);
         let plan = Plan::new(scene, &camera, &Limits::default())?;
+        let regions = photons.regions.clone();
         let start = Instant::now();
-        let maps = Maps::build(scene, &plan, 1.0, &mean_extinctions(scene, &photons.regions), photons.regions.clone());
+        let extinctions = mean_extinctions(scene, &regions);
+        let maps = Maps::build(scene, &plan, 1.0, &extinctions, regions);
         let mut stats = Stats {
             emitted: photons.emitted,
             volume: photons.stored(),
