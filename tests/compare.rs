@@ -118,8 +118,9 @@ fn bias_shows_as_bias_and_noise_as_noise() {
         r#"
         samples = [16]
         seeds = 4
+        set = { render.max_depth = 1 }
         reference = "path"
-        reference_error = 0.03
+        reference_error = 0.02
         layer = "volume"
         regions = [{ name = "shaft", x = 8, y = 0, width = 8, height = 12 }]
         variants = [
@@ -195,19 +196,50 @@ fn a_comparison_by_samples_repeats_itself_and_goes_on_where_it_stopped() {
     assert!(begun.contains(&"beam, seed 1".to_string()), "{begun:?}");
 }
 
+/// Many events between lamp and eye: the first numbers of a sample, which are spread evenly and make a pixel converge
+/// faster where they matter, do not matter here.
+const SLAB: &str = r#"
+[film]
+width = 16
+height = 12
+[camera]
+position = [0, 0, 4.5]
+target = [0, 0, 0]
+fov = 20
+[media.fog]
+sigma_s = 3.5
+[[shapes]]
+type = "box"
+min = [-4, -4, -1.5]
+max = [4, 4, 1.5]
+interior = "fog"
+[[shapes]]
+type = "quad"
+origin = [-3, -3, -1.6]
+edge_u = [6, 0, 0]
+edge_v = [0, 6, 0]
+emission = { radiance = 10 }
+[compare]
+samples = [8, 16, 32, 64, 128]
+seeds = 12
+reference_error = 0.3
+variants = ["path"]
+"#;
+
 #[test]
 fn path_tracing_falls_with_the_root_of_samples() {
-    let (_folder, results) = simply(
-        r#"
-        samples = [16, 32, 64, 128, 256]
-        seeds = 6
-        reference_error = 0.004
-        variants = ["path"]
-        "#,
-    );
-    let points: Vec<(f64, f64)> = (0..5)
-        .map(|budget| (results.study.budgets.values[budget].ln(), figures(&results, "path", budget).rmse.value.ln()))
-        .collect();
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("slab.toml");
+    fs::write(&scene, SLAB).unwrap();
+    let results = run(&scene, &folder.path().join("report"), 2, &Notes::default()).unwrap();
+    let point = |budget: usize| {
+        let figures = figures(&results, "path", budget);
+        let (bias2, variance) = (figures.bias2.unwrap(), figures.variance.unwrap().value);
+        // All of it is noise, as far as the reference can tell.
+        assert!(bias2.value.abs() < 4.0 * bias2.error.unwrap() + 0.1 * variance, "{bias2:?} {variance}");
+        (results.study.budgets.values[budget].ln(), 0.5 * variance.ln())
+    };
+    let points: Vec<(f64, f64)> = (0..5).map(point).collect();
     let mean = |of: &dyn Fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / points.len() as f64;
     let (x, y) = (mean(&|p| p.0), mean(&|p| p.1));
     let slope = mean(&|p| (p.0 - x) * (p.1 - y)) / mean(&|p| (p.0 - x).powi(2));
@@ -219,7 +251,7 @@ fn variants_on_one_map_differ_only_in_gathering() {
     let (folder, results) = simply(
         r#"
         samples = [16]
-        seeds = 2
+        seeds = 4
         same_map = true
         reference = "own"
         limit_samples = 64
@@ -232,7 +264,7 @@ fn variants_on_one_map_differ_only_in_gathering() {
         // The limit has no error but noise, of which none is left that several seeds share.
         let whole = figures(&results, &variant.name, 0);
         let (bias2, variance) = (whole.bias2.unwrap().value, whole.variance.unwrap().value);
-        assert!(bias2.abs() < 0.2 * variance, "{}: {bias2} {variance}", variant.name);
+        assert!(bias2.abs() < 0.25 * variance, "{}: {bias2} {variance}", variant.name);
     }
     // All marchers have one limit, beams another.
     let limit = |index: usize| results.variants[index].limit.as_ref().unwrap().image.clone().unwrap();
@@ -256,13 +288,11 @@ fn variants_on_one_map_differ_only_in_gathering() {
 fn tuning_meets_the_time_or_says_that_it_cannot() {
     let (_folder, results) = simply(
         r#"
-        budgets = ["1us", 0.05, 0.4]
+        budgets = [1e-6, 0.05, 0.4]
         same_map = true
         reference_error = 0.3
         variants = [{ name = "march", of = "point-uniform", tune = "volume.march.size", samples = [1, 2] }]
-        "#
-        .replace("\"1us\"", "1e-6")
-        .as_str(),
+        "#,
     );
     let tuned: Vec<_> =
         results.variants[0].measures.iter().map(|m| m.measured.as_ref().unwrap().tuned.clone().unwrap()).collect();
