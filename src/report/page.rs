@@ -29,7 +29,7 @@ impl Curves {
         let lines = |quantity: Quantity| -> Vec<Line<'_>> {
             let variants = results.variants.iter().enumerate();
             variants
-                .map(|(k, variant)| Line { name: &variant.name, variant: k, points: curve(variant, region, quantity) })
+                .map(|(k, variant)| Line::new(&variant.name, k, curve(variant, region, quantity)))
                 .filter(|line| !line.points.is_empty())
                 .collect()
         };
