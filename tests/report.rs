@@ -264,6 +264,14 @@ fn the_plot_has_a_line_for_each_variant() {
         assert!((step[0] - steps[0][0]).abs() <= 2.0 && (step[1] - steps[0][1]).abs() <= 2.0 && step[1] > 0.0);
     }
 
+    // Budgets in samples: compared at the last time at which all were measured.
+    let mut sampled = results.clone();
+    sampled.study.budgets = Budgets { kind: BudgetKind::Samples, values: vec![4.0, 8.0, 16.0, 32.0, 64.0] };
+    report::write(&sampled, folder.path()).unwrap();
+    let page = without_tags(&fs::read_to_string(folder.path().join("index.html")).unwrap());
+    assert!(page.contains("After 15.5 s , beam has the smallest error, RMSE 0.00850; point-uniform has 3.0 ×"));
+    assert!(page.contains("FLIP at 64 samples"));
+
     // What a comparison may lack does not keep it from being shown.
     results.variants[3].measures.iter_mut().for_each(|measure| measure.measured = None);
     results.reference.image = None;

@@ -221,6 +221,11 @@ impl Page<'_> {
         };
         let base = errors[self.baseline];
         let budget = common_budget(results);
+        // Where budgets are no times, figures other than the RMSE are those of one of them.
+        let (at_budget, missing) = match (results.study.budgets.kind, budget) {
+            (BudgetKind::Samples, Some(k)) => (format!(" at {}", self.budget_name(k)), "not measured"),
+            _ => (String::new(), "not reached"),
+        };
         html! {
             p.verdict {
                 "After " strong { (time(common)) } ", " strong { (results.variants[best].name) } " has the smallest error, RMSE "
@@ -243,9 +248,9 @@ impl Page<'_> {
                     th scope="col" { "variant" }
                     th scope="col" { "RMSE at " (time(common)) }
                     th scope="col" { "less error" }
-                    th scope="col" { "relative error" }
-                    th scope="col" { "FLIP" }
-                    th scope="col" { "bias² of MSE" }
+                    th scope="col" { "relative error" (at_budget) }
+                    th scope="col" { "FLIP" (at_budget) }
+                    th scope="col" { "bias² of MSE" (at_budget) }
                     th scope="col" { "slope" }
                     th scope="col" { "time to RMSE " span.level-value { (or_none(self.level.map(short))) } }
                     th scope="col" { "faster" }
@@ -260,7 +265,7 @@ impl Page<'_> {
                                 @match (results.study.budgets.kind, figures, errors[k]) {
                                     (BudgetKind::Seconds, Some(figures), _) => (figures.rmse),
                                     (_, _, Some(error)) => (digits(error, 3)),
-                                    _ => span.none { "not reached" },
+                                    _ => span.none { (missing) },
                                 }
                             }
                             td { (or_none(errors[k].zip(base).filter(|(own, _)| *own > 0.0).map(|(own, base)| times(base / own)))) }
