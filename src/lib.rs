@@ -21,6 +21,7 @@
 //! - [`transport`] is the walk that photons and eye paths share: from one surface to the next through media and
 //!   boundaries, free flights, transmittance, and Russian roulette that keeps the sum of a weight.
 //! - [`light`], [`surface`], [`medium`] and [`geometry`] hold the kinds a scene can be made of, one file each.
+//! - [`compare`] renders several estimates of a scene and measures their errors against run time.
 //! - `report`, with the feature of that name, shows what a comparison found.
 //! - [`image`] reads and writes pictures and says how far one is from another; [`math`] lies beneath.
 //!

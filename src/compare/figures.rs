@@ -89,7 +89,8 @@ pub fn figures(images: &[Image], standard: &Standard, region: &Region) -> Figure
     let count = images.len();
     let floor = standard.floor();
     // ⟨(I_j − R)(I_k − R)⟩, plain and relative: every figure is a sum of these.
-    let mut products = [vec![vec![0.0; count]; count], vec![vec![0.0; count]; count]];
+    let triangle: Vec<Vec<f64>> = (1..=count).map(|length| vec![0.0; length]).collect();
+    let mut products = [triangle.clone(), triangle];
     let mut variances = [0.0; 2];
     let mut means = vec![[0.0; 3]; count];
     let mut used = 0u64;
@@ -107,9 +108,9 @@ pub fn figures(images: &[Image], standard: &Standard, region: &Region) -> Figure
             }
             for (w, weight) in weights.into_iter().enumerate() {
                 variances[w] += weight * variance[c];
-                for j in 0..count {
-                    for k in 0..=j {
-                        products[w][j][k] += weight * differences[j] * differences[k];
+                for (row, one) in products[w].iter_mut().zip(&differences) {
+                    for (product, other) in row.iter_mut().zip(&differences) {
+                        *product += weight * one * other;
                     }
                 }
             }
@@ -144,23 +145,22 @@ pub fn mean(values: &[f64]) -> Figure {
     Figure { value: mean, error: (count > 1.0).then(|| (squares / (count - 1.0) / count).sqrt()) }
 }
 
-/// Mean products of differences from the reference, by pairs of images.
+/// Mean products of differences from the reference, by pairs of images: in row j those with images 0 to j.
 struct Products(Vec<Vec<f64>>);
 
 impl Products {
-    /// From sums over `values`, of which those with j ≥ k are given.
+    /// From sums over so many values.
     fn new(mut sums: Vec<Vec<f64>>, values: f64) -> Self {
-        for j in 0..sums.len() {
-            for k in 0..=j {
-                sums[j][k] /= values;
-                sums[k][j] = sums[j][k];
-            }
-        }
+        sums.iter_mut().flatten().for_each(|sum| *sum /= values);
         Products(sums)
     }
 
+    fn at(&self, j: usize, k: usize) -> f64 {
+        self.0[j.max(k)][j.min(k)]
+    }
+
     fn diagonal(&self) -> Vec<f64> {
-        (0..self.0.len()).map(|k| self.0[k][k]).collect()
+        (0..self.0.len()).map(|k| self.at(k, k)).collect()
     }
 
     fn others(&self, left: Option<usize>) -> impl Iterator<Item = usize> + Clone {
@@ -171,7 +171,7 @@ impl Products {
     fn off_diagonal(&self, left: Option<usize>) -> f64 {
         let mut sum = Sum::default();
         for j in self.others(left) {
-            self.others(left).filter(|&k| k != j).for_each(|k| sum.add(self.0[j][k]));
+            self.others(left).filter(|&k| k != j).for_each(|k| sum.add(self.at(j, k)));
         }
         sum.mean()
     }
@@ -179,7 +179,7 @@ impl Products {
     /// What squares of single images have more than that: the variance.
     fn spread(&self, left: Option<usize>) -> f64 {
         let mut sum = Sum::default();
-        self.others(left).for_each(|k| sum.add(self.0[k][k]));
+        self.others(left).for_each(|k| sum.add(self.at(k, k)));
         sum.mean() - self.off_diagonal(left)
     }
 

@@ -73,8 +73,9 @@ impl SharedMap {
     pub fn build(scene: &Scene, photons: &SharedPhotons) -> Result<SharedMap> {
         let camera = Camera::new(&scene.camera, &scene.film);
         let plan = Plan::new(scene, &camera, &Limits::default())?;
+        let regions = photons.regions.clone();
         let start = Instant::now();
-        let maps = Maps::build(scene, &plan, 1.0, photons.regions.clone());
+        let maps = Maps::build(scene, &plan, 1.0, regions);
         let mut stats = Stats {
             emitted: photons.emitted,
             volume: photons.stored(),
