@@ -330,7 +330,7 @@ fn differences_are_drawn_and_held_to_limits() {
         (&["--layer", "depth", "--flip", "f.png"][..], "holds none"),
         (&["--layer", "depth", "--max-flip", "1"], "holds none"),
         (&["--flip", "f.exr"], ".png"),
-        (&["--max-rmse", "-1"], "--max-rmse"),
+        (&["--max-rmse=-1"], "a number from 0"),
         (&["--max-rmse", "few"], "1e-4"),
         (&["--error-range", "10%"], "--error"),
     ] {

@@ -200,7 +200,7 @@ fn the_page_says_what_the_results_say() {
     let summary = between(&page, "<section id=\"summary\">", "</section>");
     let said = without_tags(summary);
     assert!(said.contains("After 16 s , beam has the smallest error, RMSE 0.00850; point-uniform has 3.0 ×"), "{said}");
-    assert!(said.contains("bias makes up most of the squared error of beam-wide (99.9 %)"), "{said}");
+    assert!(said.contains("bias is most of the squared error of beam-wide (99.9 %); variance is most of the squared error of path (&gt; 90.9 %)"), "{said}");
     let row = |k: usize| without_tags(between(summary, &format!("data-row=\"{k}\">"), "</tr>"));
     assert!(row(0).contains("path 0.0500 ± 0.0050 1.0 ×") && row(0).contains("−0.500"), "{}", row(0));
     assert!(row(1).contains("beam 0.00850 ± 0.00085 5.9 ×"), "{}", row(1));
@@ -263,6 +263,14 @@ fn the_plot_has_a_line_for_each_variant() {
     for step in &steps {
         assert!((step[0] - steps[0][0]).abs() <= 2.0 && (step[1] - steps[0][1]).abs() <= 2.0 && step[1] > 0.0);
     }
+
+    // Budgets in samples: compared at the last time at which all were measured.
+    let mut sampled = results.clone();
+    sampled.study.budgets = Budgets { kind: BudgetKind::Samples, values: vec![4.0, 8.0, 16.0, 32.0, 64.0] };
+    report::write(&sampled, folder.path()).unwrap();
+    let page = without_tags(&fs::read_to_string(folder.path().join("index.html")).unwrap());
+    assert!(page.contains("After 15.5 s , beam has the smallest error, RMSE 0.00850; point-uniform has 3.0 ×"));
+    assert!(page.contains("FLIP at 64 samples"));
 
     // What a comparison may lack does not keep it from being shown.
     results.variants[3].measures.iter_mut().for_each(|measure| measure.measured = None);

@@ -24,7 +24,7 @@ pub fn machine() -> Machine {
     }
 }
 
-/// The most memory the process has held since it started, or since [`forget_peak`], in bytes.
+/// The most memory the process has held since it started, or since `forget_peak`, in bytes.
 pub fn peak_bytes() -> Option<u64> {
     let status = fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;

@@ -165,14 +165,17 @@ pub fn last_measured(variant: &Variant) -> Option<(usize, &Measured)> {
     variant.measures.iter().enumerate().rev().find_map(|(k, measure)| Some((k, measure.measured.as_ref()?)))
 }
 
-/// The time at which variants are compared. A budget in seconds is one; with budgets in samples, the time in which the
-/// first variant was done.
+/// The time at which variants are compared. A budget in seconds is one; with budgets in samples, the last of all times of
+/// measures between whose own measures most variants lie.
 pub fn common_time(results: &Results) -> Option<f64> {
     match results.study.budgets.kind {
         BudgetKind::Seconds => results.study.budgets.values.get(common_budget(results)?).copied(),
         BudgetKind::Samples => {
-            let last = |variant| last_measured(variant).map(|(_, measured)| measured.seconds.value);
-            results.variants.iter().filter_map(last).min_by(f64::total_cmp)
+            let curves: Vec<Vec<Point>> =
+                results.variants.iter().map(|variant| curve(variant, 0, Quantity::Rmse)).collect();
+            let known = |time: f64| curves.iter().filter(|points| value_at(points, time).is_some()).count();
+            let times = curves.iter().flatten().map(|point| (known(point.seconds), point.seconds));
+            times.max_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))).map(|(_, time)| time)
         }
     }
 }

@@ -42,7 +42,7 @@ pub fn with_error(value: f64, error: Option<f64>) -> String {
     let Some(error) = error.filter(|error| *error > 0.0 && error.is_finite() && value.is_finite()) else {
         return digits(value, 3);
     };
-    if error < 5e-4 * value.abs() {
+    if error < 1e-3 * value.abs() {
         return digits(value, 4);
     }
     let place = error.log10().floor() as i32;
@@ -119,7 +119,7 @@ mod tests {
             (0.012_34, Some(0.001_21), "0.0123 ± 0.0012"),
             (12.345, Some(0.5), "12.35 ± 0.50"),
             (1.234e-7, Some(2e-9), "(1.234 ± 0.020)·10⁻⁷"),
-            (-3e-9, Some(1e-8), "(−0.30 ± 1.00)·10⁻⁸"),
+            (-3e-9, Some(1e-8), "(−0.3 ± 1.0)·10⁻⁸"),
             (0.0049, Some(2e-7), "0.004900"),
             (0.5, None, "0.500"),
         ] {

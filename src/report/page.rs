@@ -29,7 +29,7 @@ impl Curves {
         let lines = |quantity: Quantity| -> Vec<Line<'_>> {
             let variants = results.variants.iter().enumerate();
             variants
-                .map(|(k, variant)| Line { name: &variant.name, variant: k, points: curve(variant, region, quantity) })
+                .map(|(k, variant)| Line::new(&variant.name, k, curve(variant, region, quantity)))
                 .filter(|line| !line.points.is_empty())
                 .collect()
         };
@@ -191,11 +191,17 @@ impl Page<'_> {
         }
     }
 
-    /// The shares of bias and variance in a squared error: those of the larger, if both are known.
-    fn share_of_bias(figures: &Figures) -> Option<f64> {
-        let (bias, variance) = (figures.bias2?, figures.variance?);
-        let total = bias.value.max(0.0) + variance.value;
-        (total > 0.0).then(|| bias.value.max(0.0) / total)
+    /// The share of squared bias in the squared error, if both are known: itself, or where it cannot be told from 0
+    /// what it is likely below.
+    fn share_of_bias(figures: &Figures) -> Option<Share> {
+        let (bias, variance) = (figures.bias2?, figures.variance?.value);
+        let point = Point { seconds: 0.0, value: bias.value, error: bias.error };
+        let of = |bias: f64| bias / (bias + variance);
+        match point.limit() {
+            Some(limit) if limit > 0.0 => Some(Share::Below(of(limit))),
+            None if bias.value > 0.0 => Some(Share::Is(of(bias.value))),
+            _ => (variance > 0.0).then_some(Share::Is(0.0)),
+        }
     }
 
     fn curve(&self, variant: usize) -> Vec<Point> {
@@ -215,6 +221,11 @@ impl Page<'_> {
         };
         let base = errors[self.baseline];
         let budget = common_budget(results);
+        // Where budgets are no times, figures other than the RMSE are those of one of them.
+        let (at_budget, missing) = match (results.study.budgets.kind, budget) {
+            (BudgetKind::Samples, Some(k)) => (format!(" at {}", self.budget_name(k)), "not measured"),
+            _ => (String::new(), "not reached"),
+        };
         html! {
             p.verdict {
                 "After " strong { (time(common)) } ", " strong { (results.variants[best].name) } " has the smallest error, RMSE "
@@ -237,9 +248,9 @@ impl Page<'_> {
                     th scope="col" { "variant" }
                     th scope="col" { "RMSE at " (time(common)) }
                     th scope="col" { "less error" }
-                    th scope="col" { "relative error" }
-                    th scope="col" { "FLIP" }
-                    th scope="col" { "bias² of MSE" }
+                    th scope="col" { "relative error" (at_budget) }
+                    th scope="col" { "FLIP" (at_budget) }
+                    th scope="col" { "bias² of MSE" (at_budget) }
                     th scope="col" { "slope" }
                     th scope="col" { "time to RMSE " span.level-value { (or_none(self.level.map(short))) } }
                     th scope="col" { "faster" }
@@ -254,13 +265,13 @@ impl Page<'_> {
                                 @match (results.study.budgets.kind, figures, errors[k]) {
                                     (BudgetKind::Seconds, Some(figures), _) => (figures.rmse),
                                     (_, _, Some(error)) => (digits(error, 3)),
-                                    _ => span.none { "not reached" },
+                                    _ => span.none { (missing) },
                                 }
                             }
                             td { (or_none(errors[k].zip(base).filter(|(own, _)| *own > 0.0).map(|(own, base)| times(base / own)))) }
                             td { (or_none(figures.and_then(|figures| figures.relmse).map(|figure| percent(figure.value.max(0.0).sqrt())))) }
                             td { (or_none(at.and_then(|(budget, _)| self.flip(k, budget)).map(|flip| digits(flip, 3)))) }
-                            td { (or_none(figures.and_then(Self::share_of_bias).map(percent))) }
+                            td { (or_none(figures.and_then(Self::share_of_bias).map(Share::told))) }
                             td { (or_none(slope(&self.curve(k)))) }
                             @let reach = self.level.and_then(|level| time_to(&self.curve(k), level));
                             td.reach { (or_none(reach.map(reached))) }
@@ -275,7 +286,7 @@ impl Page<'_> {
                     dt { "RMSE" } dd { "root of the mean squared error over pixels and channels, less the reference's own variance; ± is the standard error over seeds." }
                     dt { "relative error" } dd { "root of relMSE, ⟨(I − R)²/(R² + 0.01 M²)⟩, M the reference's mean." }
                     dt { "FLIP" } dd { "mean difference that one sees when flipping between image and reference (Andersson and others 2020), of the first seed." }
-                    dt { "bias² of MSE" } dd { "the share of the squared error that more samples of the same settings would not remove; the rest is variance. Needs two seeds." }
+                    dt { "bias² of MSE" } dd { "the share of the squared error that more samples of the same settings would not remove; the rest is variance. Needs two seeds; < is two standard errors above what cannot be told from 0." }
                     dt { "slope" } dd { "the exponent p of RMSE ∝ timeᵖ, by least squares over all measures; −0.5 where only independent samples are added." }
                     dt { "time to RMSE" } dd { "interpolated between measures; < and > where the error was already or not yet there." }
                 }
@@ -286,25 +297,32 @@ impl Page<'_> {
     /// What keeps variants from being better.
     fn why(&self) -> Markup {
         let results = self.results;
-        let shares: Vec<(usize, f64)> = results
+        let shares: Vec<(usize, Share)> = results
             .variants
             .iter()
             .enumerate()
             .filter_map(|(k, variant)| Some((k, Self::share_of_bias(last_measured(variant)?.1.regions.first()?)?)))
             .collect();
-        let list = |keep: &dyn Fn(f64) -> bool| -> Vec<String> {
-            let kept = shares.iter().filter(|(_, share)| keep(*share));
-            kept.map(|(k, share)| format!("{} ({})", results.variants[*k].name, percent(share.max(1.0 - share))))
-                .collect()
+        let list = |told: &dyn Fn(Share) -> Option<String>| -> String {
+            let told = shares.iter().filter_map(|(k, share)| Some((k, told(*share)?)));
+            told.map(|(k, share)| format!("{} ({share})", results.variants[*k].name)).collect::<Vec<_>>().join(", ")
         };
-        let (biased, noisy) = (list(&|share| share >= 0.5), list(&|share| share < 0.5));
+        let biased = list(&|share| match share {
+            Share::Is(share) if share >= 0.5 => Some(percent(share)),
+            _ => None,
+        });
+        let noisy = list(&|share| match share {
+            Share::Is(share) if share < 0.5 => Some(percent(1.0 - share)),
+            Share::Below(share) if share < 0.5 => Some(format!("> {}", percent(1.0 - share))),
+            _ => None,
+        });
         html! {
-            @if !shares.is_empty() {
+            @if !biased.is_empty() || !noisy.is_empty() {
                 p {
-                    "At their last measures, "
-                    @if !biased.is_empty() { "bias makes up most of the squared error of " (biased.join(", ")) }
-                    @if !biased.is_empty() && !noisy.is_empty() { ", " }
-                    @if !noisy.is_empty() { "variance most of that of " (noisy.join(", ")) }
+                    "At the last measures, "
+                    @if !biased.is_empty() { "bias is most of the squared error of " (biased) }
+                    @if !biased.is_empty() && !noisy.is_empty() { "; " }
+                    @if !noisy.is_empty() { "variance is most of the squared error of " (noisy) }
                     "."
                 }
             }
@@ -788,6 +806,22 @@ impl Page<'_> {
             "budget": common_budget(self.results),
             "level": self.level,
         })
+    }
+}
+
+/// A share of something, or what it is below.
+#[derive(Clone, Copy)]
+enum Share {
+    Is(f64),
+    Below(f64),
+}
+
+impl Share {
+    fn told(self) -> String {
+        match self {
+            Share::Is(share) => percent(share),
+            Share::Below(share) => format!("< {}", percent(share)),
+        }
     }
 }
 

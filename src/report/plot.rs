@@ -17,11 +17,19 @@ use crate::{Error, Result};
 /// A curve.
 pub struct Line<'r> {
     /// What it is called.
-    pub name: &'r str,
+    name: &'r str,
     /// Which variant it is: decides colour, marker and dashes.
-    pub variant: usize,
-    /// Its points, by time.
+    variant: usize,
+    /// Its points, by time. Those that cannot be shown on a logarithmic axis are left out.
     pub points: Vec<Point>,
+}
+
+impl<'r> Line<'r> {
+    /// The curve of a variant.
+    pub fn new(name: &'r str, variant: usize, mut points: Vec<Point>) -> Line<'r> {
+        points.retain(|point| shown(point).0 > 0.0);
+        Line { name, variant, points }
+    }
 }
 
 /// A picture of curves.
@@ -49,9 +57,9 @@ pub fn colour(variant: usize) -> String {
     format!("#{r:02X}{g:02X}{b:02X}")
 }
 
-/// The dashes of a variant's line, in units of its width; they change with the round of colours, too.
+/// The dashes of a variant's line, in units of its width. With seven colours, 28 variants look different.
 pub fn dashes(variant: usize) -> &'static str {
-    ["none", "6 2.5", "1.5 2", "8 2 1.5 2"][(variant + variant / COLOURS.len()) % 4]
+    ["none", "6 2.5", "1.5 2", "8 2 1.5 2"][variant % 4]
 }
 
 /// The outline of a variant's marker about a place.
@@ -94,7 +102,7 @@ pub fn marker(variant: usize, x: f64, y: f64, radius: f64) -> String {
 const UNIT: i32 = 4;
 
 /// A logarithmic axis whose labels are 1, 2 and 5 times powers of ten, or fewer where those are too many.
-#[derive(Clone)]
+#[derive(Clone, Copy)]
 struct Axis {
     start: f64,
     end: f64,
@@ -175,7 +183,7 @@ impl Frame {
                 .margin_right(UNIT * self.right)
                 .x_label_area_size(UNIT * 46)
                 .y_label_area_size(UNIT * 74)
-                .build_cartesian_2d(self.x.clone(), self.y.clone())
+                .build_cartesian_2d(self.x, self.y)
                 .map_err(fail)?;
             fill(&mut chart).map_err(fail)?;
             area.present().map_err(fail)?;
@@ -187,15 +195,16 @@ impl Frame {
     }
 }
 
+/// The value to show of a point, and whether it is its own and no limit.
+fn shown(point: &Point) -> (f64, bool) {
+    point.limit().map_or((point.value, true), |limit| (limit, false))
+}
+
 /// The plot as an element `svg`; `None` if there is nothing to draw.
 ///
 /// Each variant is a group `g.curve` with its name as `data-variant`, its line a `polyline`. Points below 2 standard
 /// errors are hollow, at the value they are likely below, and no line leads to them.
 pub fn draw(plot: &Plot<'_>) -> Result<Option<Markup>> {
-    let shown = |point: &Point| match point.limit() {
-        Some(limit) => (limit, false),
-        None => (point.value, true),
-    };
     let points = || plot.lines.iter().flat_map(|line| &line.points);
     let times = Axis::over(points().map(|point| point.seconds), 1.15);
     let heights = match plot.range {
@@ -203,8 +212,11 @@ pub fn draw(plot: &Plot<'_>) -> Result<Option<Markup>> {
         None => Axis::over(points().map(|point| shown(point).0), 1.3),
     };
     let (Some(x), Some(y)) = (times, heights) else { return Ok(None) };
-    let (width, height) = if plot.named { (760, 430) } else { (480, 340) };
-    let frame = Frame { x, y, width, height, right: if plot.named { 150 } else { 16 } };
+    // Names take about eight pixels a letter.
+    let longest = plot.lines.iter().map(|line| line.name.chars().count()).max().unwrap_or(0);
+    let right = if plot.named { (34 + 8 * longest as i32).clamp(100, 300) } else { 16 };
+    let (width, height) = if plot.named { (610 + right, 430) } else { (480, 340) };
+    let frame = Frame { x, y, width, height, right };
 
     let ink = RGBColor(34, 34, 34);
     let grid = RGBColor(128, 128, 128);
@@ -264,21 +276,11 @@ pub fn draw(plot: &Plot<'_>) -> Result<Option<Markup>> {
         curves.push((line, stroke));
     }
 
-    // Names at the ends of lines, apart from each other.
-    let spacing = f64::from(17 * UNIT);
-    let mut names: Vec<(f64, &Line<'_>)> = plot
+    let ends = plot
         .lines
         .iter()
-        .filter_map(|line| line.points.last().map(|point| (place(point.seconds, shown(point).0).1, line)))
-        .collect();
-    names.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let room = (bottom - top - spacing * names.len() as f64).max(0.0);
-    let mut next = top + 0.5 * spacing;
-    for (k, (y, _)) in names.iter_mut().enumerate() {
-        let latest = top + 0.5 * spacing + room + spacing * k as f64;
-        *y = y.clamp(next, latest.max(next));
-        next = *y + spacing;
-    }
+        .filter_map(|line| line.points.last().map(|point| (place(point.seconds, shown(point).0).1, line)));
+    let names = apart(ends.collect(), f64::from(17 * UNIT), top..bottom);
 
     let unit = f64::from(UNIT);
     let label = format!("{} against seconds, both logarithmic: {}", plot.quantity, described(plot));
@@ -286,7 +288,7 @@ pub fn draw(plot: &Plot<'_>) -> Result<Option<Markup>> {
         svg.plot xmlns="http://www.w3.org/2000/svg" viewBox={ "0 0 " (UNIT * width) " " (UNIT * height) }
             role="img" aria-label=(label)
             data-frame={ (left) " " (top) " " (right) " " (bottom) }
-            data-time={ (frame.x.start) " " (frame.x.end) } data-value={ (frame.y.start) " " (frame.y.end) } {
+            data-value={ (frame.y.start) " " (frame.y.end) } {
             style { (PreEscaped(include_str!("plot.css"))) }
             g.axes { (PreEscaped(axes)) }
             @if let Some(guide) = guide {
@@ -326,6 +328,21 @@ pub fn draw(plot: &Plot<'_>) -> Result<Option<Markup>> {
             }
         }
     }))
+}
+
+/// Names at heights within `range` near those given, at least `spacing` apart as far as there is room.
+fn apart<T>(mut names: Vec<(f64, T)>, spacing: f64, range: Range<f64>) -> Vec<(f64, T)> {
+    names.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let first = range.start + 0.5 * spacing;
+    let room = (range.end - range.start - spacing * names.len() as f64).max(0.0);
+    let mut next = first;
+    for (k, (height, _)) in names.iter_mut().enumerate() {
+        // Those below need their room, too.
+        let latest = first + room + spacing * k as f64;
+        *height = height.clamp(next, latest.max(next));
+        next = *height + spacing;
+    }
+    names
 }
 
 /// Lengths of dashes in units of the plot.

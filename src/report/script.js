@@ -151,6 +151,7 @@
       $("level-times").textContent = data.variants.map((variant, k) => `${variant.name} ${told(reached[k])}`).join(", ");
       data.variants.forEach((variant, k) => {
         const row = document.querySelector(`tr[data-row="${k}"]`);
+        if (!row) return;
         row.querySelector(".reach").textContent = told(reached[k]);
         row.querySelector(".faster").textContent = k === data.baseline ? "1 ×" : faster(reached[k], reached[data.baseline]);
       });

@@ -14,7 +14,7 @@ use volpm::image::{self, Image};
 
 /// The browser: `$CHROME`, or the first that is on the path.
 pub fn find() -> Option<PathBuf> {
-    if let Some(named) = std::env::var_os("CHROME") {
+    if let Some(named) = std::env::var_os("CHROME").filter(|name| !name.is_empty()) {
         return Some(named.into());
     }
     let folders: Vec<PathBuf> = std::env::split_paths(&std::env::var_os("PATH")?).collect();
