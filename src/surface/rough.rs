@@ -209,7 +209,7 @@ mod tests {
             (1.5, 1.0, 0.3, 0.5),
             (1.5, 1.0, 0.6, 0.9),
             (1.0, 1.3, 1.0, 0.99),
-            (1.33, 1.5, 0.2, 0.0),
+            (1.0, 1.5, 0.5, 0.0),
             (1.0, 1.5, 0.15, 0.95),
         ]
         .iter()
@@ -278,7 +278,7 @@ mod tests {
             let reverse = returning.facet(-o, side(o), i, even).value.x / i.z.abs();
             let index = |v: DVec3| if v.z > 0.0 { 1.0 } else { 1.5f64 };
             let (a, b) = (forth / index(o).powi(2), reverse / index(i).powi(2));
-            assert!((a - b).abs() <= 1e-9 * a.max(b), "{i} {o} {alpha}: {a} {b}");
+            assert!((a - b).abs() <= 1e-7 * a.max(b), "{i} {o} {alpha}: {a} {b}");
             compared += usize::from(a > 0.0);
         }
         assert!(compared > 5000);
