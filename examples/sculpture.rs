@@ -30,7 +30,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             Block::carved(|p| Rose.value(p), low, high, 0.18).polished(2)
         }
         Some("hand") => {
-            let (low, high) = (DVec3::new(-42.0, -64.0, -16.0), DVec3::new(30.0, 82.0, 18.0));
+            let (low, high) = (DVec3::new(-42.0, -76.0, -16.0), DVec3::new(30.0, 82.0, 18.0));
             let hand = Hand::new();
             Block::carved(|p| hand.value(p), low, high, 0.55).polished(1)
         }

@@ -1,7 +1,9 @@
+use super::placed::Face;
 use super::tree::Tree;
 use crate::math::{Bounds, DVec3, Ray, Vec3};
 use crate::{Error, Result};
 use glam::Vec2;
+use smallvec::SmallVec;
 use std::collections::HashMap;
 
 /// Triangles; closed if, vertices at one position taken as one, every edge is shared by exactly two
@@ -35,6 +37,12 @@ pub(super) struct Parts {
     /// Indices are in range.
     pub triangles: Vec<[u32; 3]>,
 }
+
+/// Faces whose normals are this near, as a cosine, face the same way: 18 degrees.
+pub(super) const SAME_WAY: f64 = 0.95;
+
+/// More ways that faces near a point face are too many to tell.
+const MOST_WAYS: usize = 6;
 
 /// More triangles than this overflow the hierarchy's indices.
 pub(super) const MAX_TRIANGLES: usize = 200_000_000;
@@ -284,10 +292,62 @@ impl Mesh {
         (a + r * (1.0 - v) * (b - a) + r * v * (c - a), i as u32)
     }
 
-    /// The triangles whose boxes are within `limit` of `p`, roughly from near to far; `visit` returns the new
-    /// `limit`.
-    pub(super) fn near(&self, p: DVec3, limit: f64, visit: impl FnMut(u32) -> f64) {
-        self.tree.near(p, limit, visit);
+    /// Distance, triangle and place of the point closest to `p`, if it is nearer than `limit`.
+    pub(super) fn nearest(&self, p: DVec3, limit: f64) -> Option<(f64, u32, DVec3)> {
+        let mut nearest = None;
+        let mut near = limit;
+        self.tree.near(p, limit, |i| {
+            let on = Face::Triangle(self.corners(i)).closest(p);
+            let distance = on.distance(p);
+            if distance < near {
+                near = distance;
+                nearest = Some((distance, i, on));
+            }
+            near
+        });
+        nearest
+    }
+
+    /// Calls `visit` with triangle, closest point and normal of triangles within `radius` of `p`: of those that face
+    /// the same way, of which there are hundreds around a point of a smooth surface, the nearest, and of the ways
+    /// the [`MOST_WAYS`] that have the nearest.
+    pub(super) fn faces_near(&self, p: DVec3, radius: f64, visit: &mut impl FnMut(u32, DVec3, DVec3)) {
+        struct Way {
+            distance: f64,
+            triangle: u32,
+            on: DVec3,
+            normal: DVec3,
+        }
+        let mut ways: SmallVec<[Way; 8]> = SmallVec::new();
+        let mut limit = radius;
+        self.tree.near(p, radius, |i| {
+            let corners @ [a, b, c] = self.corners(i);
+            let cross = (b - a).cross(c - a);
+            let (above, size2) = ((p - a).dot(cross), cross.length_squared());
+            let same = |way: &Way| {
+                let cos = cross.dot(way.normal);
+                cos > 0.0 && cos * cos > SAME_WAY * SAME_WAY * size2
+            };
+            // Not nearer than its plane.
+            let hidden = |way: &Way| above * above >= way.distance * way.distance * size2 && same(way);
+            if above * above > limit * limit * size2 || ways.iter().any(hidden) {
+                return limit;
+            }
+            let on = Face::Triangle(corners).closest(p);
+            let way = Way { distance: on.distance(p), triangle: i, on, normal: cross.normalize_or(DVec3::Y) };
+            if way.distance > limit || ways.iter().any(|other| other.distance <= way.distance && same(other)) {
+                return limit;
+            }
+            ways.retain(|other| !same(other));
+            let place = ways.partition_point(|other| other.distance <= way.distance);
+            ways.insert(place, way);
+            ways.truncate(MOST_WAYS);
+            if let (MOST_WAYS, Some(last)) = (ways.len(), ways.last()) {
+                limit = last.distance;
+            }
+            limit
+        });
+        ways.iter().for_each(|way| visit(way.triangle, way.on, way.normal));
     }
 
     /// The triangles whose boxes overlap `query`, and a few more.

@@ -310,7 +310,8 @@ impl Geometry {
 
     /// Calls `visit` with the closest point of every face within `radius` of `p`: spheres, quads, disks
     /// and cylinders' sides and caps have one, boxes six, lathes one a piece, meshes one a triangle, of which those of one
-    /// lathe or mesh that face the same way (to 10⁻³) are merged into the nearest. So the corner of a room gives
+    /// lathe or mesh that face the same way (to 18 degrees) are merged into the nearest, six of a mesh at most, and whose normals lean towards `p` over edges
+    /// that turn less. So the corner of a room gives
     /// three planes. Exact, except for a point inside a sphere stretched unequally, where it may be
     /// the closest only of its neighbourhood.
     pub fn nearest_surfaces(&self, p: DVec3, radius: f64, mut visit: impl FnMut(Near)) {
@@ -325,9 +326,14 @@ impl Geometry {
             let merge = matches!(placed.shape(), Shape::Lathe(_) | Shape::Mesh(_));
             merged.clear();
             placed.faces_near(p, radius, &mut |primitive, point, normal| {
-                let normal = if normal.dot(p - point) < 0.0 { -normal } else { normal };
-                let near = Near { id, primitive, point, normal, distance: point.distance(p) };
-                let same = |other: &&mut Near| other.normal.distance_squared(normal) < 1e-6;
+                let distance = point.distance(p);
+                let mut normal = if normal.dot(p - point) < 0.0 { -normal } else { normal };
+                // Over an edge between faces that hardly turn, the smooth surface that they stand for faces `p`.
+                if merge && normal.dot(p - point) > mesh::SAME_WAY * distance {
+                    normal = (p - point) / distance;
+                }
+                let near = Near { id, primitive, point, normal, distance };
+                let same = |other: &&mut Near| other.normal.dot(normal) > mesh::SAME_WAY;
                 match merged.iter_mut().find(same).filter(|_| merge) {
                     Some(other) => {
                         if (near.distance, near.primitive) < (other.distance, other.primitive) {

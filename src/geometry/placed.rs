@@ -46,8 +46,8 @@ pub(super) struct Surface {
     pub uv: [f64; 2],
 }
 
-/// A flat face in the world.
-enum Face {
+/// A flat face.
+pub(super) enum Face {
     /// A corner and two edges.
     Parallelogram([DVec3; 3]),
     /// Three corners.
@@ -323,7 +323,7 @@ impl Placed {
     }
 
     /// Calls `visit` with primitive, closest point, and outward unit normal of every face within
-    /// `radius` of `p`.
+    /// `radius` of `p`; of a mesh as [`Mesh::faces_near`] chooses.
     pub(super) fn faces_near(&self, p: DVec3, radius: f64, visit: &mut impl FnMut(u32, DVec3, DVec3)) {
         let m = &self.to_world;
         let mut flat = |primitive: u32, face: Face, normal: DVec3| {
@@ -342,16 +342,21 @@ impl Placed {
                     flat(face, placed(c.face(face)), self.normal_to_world(c.normal(face)));
                 }
             }
-            Shape::Mesh(mesh) => {
-                // ---- the box around the sphere, which is an ellipsoid in object space
-                let rows = self.to_local.matrix3.transpose();
-                let reach = radius * DVec3::new(rows.x_axis.length(), rows.y_axis.length(), rows.z_axis.length());
-                let center = self.to_local.transform_point3(p);
-                mesh.overlapping(&Bounds { min: center - reach, max: center + reach }, |i| {
-                    let triangle = mesh.corners(i).map(|c| m.transform_point3(c));
-                    flat(i, Face::Triangle(triangle), self.normal_to_world(mesh.normal(i)));
-                });
-            }
+            Shape::Mesh(mesh) => match self.similarity {
+                Some(scale) => mesh.faces_near(self.to_local.transform_point3(p), radius / scale, &mut |i, on, normal| {
+                    visit(i, m.transform_point3(on), self.normal_to_world(normal));
+                }),
+                None => {
+                    // ---- the box around the sphere, which is an ellipsoid in object space
+                    let rows = self.to_local.matrix3.transpose();
+                    let reach = radius * DVec3::new(rows.x_axis.length(), rows.y_axis.length(), rows.z_axis.length());
+                    let center = self.to_local.transform_point3(p);
+                    mesh.overlapping(&Bounds { min: center - reach, max: center + reach }, |i| {
+                        let triangle = mesh.corners(i).map(|c| m.transform_point3(c));
+                        flat(i, Face::Triangle(triangle), self.normal_to_world(mesh.normal(i)));
+                    });
+                }
+            },
             Shape::Sphere(s) => {
                 let on = self.closest_of_sphere(s, p);
                 let normal = self.normal_to_world(s.normal(self.to_local.transform_point3(on)));
@@ -398,13 +403,8 @@ impl Placed {
         let mut nearest = limit;
         match (&self.shape, self.similarity) {
             (Shape::Mesh(mesh), Some(scale)) => {
-                let local = self.to_local.transform_point3(p);
-                let mut near = limit / scale;
-                mesh.near(local, near, |i| {
-                    near = near.min(Face::Triangle(mesh.corners(i)).closest(local).distance(local));
-                    near
-                });
-                nearest = nearest.min(near * scale);
+                let found = mesh.nearest(self.to_local.transform_point3(p), limit / scale);
+                nearest = nearest.min(found.map_or(limit, |(distance, _, _)| scale * distance));
             }
             _ => self.faces_near(p, limit, &mut |_, on, _| nearest = nearest.min(on.distance(p))),
         }
@@ -456,7 +456,7 @@ impl Shape {
 }
 
 impl Face {
-    fn closest(&self, p: DVec3) -> DVec3 {
+    pub(super) fn closest(&self, p: DVec3) -> DVec3 {
         let (o, u, v, parallelogram) = match *self {
             Face::Parallelogram([o, u, v]) => (o, u, v, true),
             Face::Triangle([a, b, c]) => (a, b - a, c - a, false),

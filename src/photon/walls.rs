@@ -24,9 +24,6 @@ pub const LEANING: f32 = 0.5;
 pub fn near(scene: &Scene, position: Vec3, radius: f32, leans: bool, walls: &mut SmallVec<[Plane; 3]>) {
     const MOST: usize = 3;
     let p = position.as_dvec3();
-    if scene.geometry.clearance(p, radius.into()) >= radius.into() {
-        return;
-    }
     let mut faces: SmallVec<[(Near, bool); 8]> = SmallVec::new();
     scene.geometry.nearest_surfaces(p, radius as f64, |mut near| {
         let above = (p - near.point).dot(near.normal);
