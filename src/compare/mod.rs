@@ -62,7 +62,9 @@ pub struct Request {
     pub seeds: u32,
     /// What errors are measured against.
     pub reference: StudyReference,
-    /// The relative standard error that a reference is made to.
+    /// What a reference that is made has besides.
+    pub reference_set: Vec<(String, String)>,
+    /// The relative standard error that it is made to.
     pub reference_error: f64,
     /// Seconds that it may take.
     pub reference_time: f64,
@@ -101,6 +103,7 @@ impl Request {
             time,
             seeds: study.seeds.unwrap_or(1),
             reference: study.reference.unwrap_or(StudyReference::Path),
+            reference_set: study.reference_set,
             reference_error: study.reference_error.unwrap_or(0.02),
             reference_time: study.reference_time.unwrap_or(600.0),
             limit_samples: study.limit_samples.unwrap_or(256),
@@ -509,6 +512,14 @@ impl Comparison<'_> {
                 100.0 * request.reference_error
             ));
         }
+        let doubtful = found.iter().zip(&variants).filter(|(found, variant)| self.is_doubtful(found, variant));
+        let doubtful: Vec<&str> = doubtful.map(|(_, variant)| variant.name.as_str()).collect();
+        if !doubtful.is_empty() {
+            warnings.push(format!(
+                "errors of {} are less than half of what the reference is uncertain by: it needs a smaller --reference-error and the --reference-time for it, or limits more limit_samples",
+                doubtful.join(", ")
+            ));
+        }
         let split =
             |text: &String| text.split_once('=').map(|(key, value)| (key.trim().to_string(), value.trim().to_string()));
         let (scene_text, set) = (scene::read_study(&request.scene)?.1, request.set.iter().filter_map(split));
@@ -545,6 +556,13 @@ impl Comparison<'_> {
             variants,
             warnings,
         })
+    }
+
+    /// Whether some error over the whole image is less than half of what the reference itself is uncertain by.
+    fn is_doubtful(&self, found: &Found, variant: &results::Variant) -> bool {
+        let known = self.standard(found).facts().and_then(|facts| facts.regions.first()?.variance);
+        let squares = variant.measures.iter().flat_map(|measure| &measure.measured).map(|m| m.regions[0].mse.value);
+        known.is_some_and(|known| squares.into_iter().any(|square| square < 0.25 * known))
     }
 
     fn variant(&self, found: &Found) -> Result<results::Variant> {

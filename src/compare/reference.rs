@@ -53,6 +53,7 @@ pub fn common(context: &Context<'_>, store: &Store, regions: &[Region]) -> Resul
     if method == "path" {
         set.push(("render.samples".to_string(), SAMPLES.to_string()));
     }
+    set.extend(context.request.reference_set.iter().cloned());
     let limits = Limits {
         target_error: Some(context.request.reference_error),
         time: Some(Duration::from_secs_f64(context.request.reference_time)),
@@ -66,7 +67,7 @@ pub fn common(context: &Context<'_>, store: &Store, regions: &[Region]) -> Resul
         standard_error: None,
         samples: Some(made.samples),
         seconds: Some(made.seconds),
-        set: Vec::new(),
+        set: settings(&context.request.reference_set),
         regions: Vec::new(),
     };
     Ok(Some(Known::new(standard, regions, facts)))

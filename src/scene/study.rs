@@ -29,7 +29,9 @@ pub struct Study {
     pub seeds: Option<u32>,
     /// `path`, `photon`, `own`, or the file of a reference.
     pub reference: Option<StudyReference>,
-    /// The relative standard error that a reference should have.
+    /// Keys of the scene to replace for a reference that is made, with values of TOML.
+    pub reference_set: Vec<(String, String)>,
+    /// The relative standard error that it should have.
     pub reference_error: Option<f64>,
     /// Seconds that it may take.
     pub reference_time: Option<f64>,
@@ -131,6 +133,7 @@ pub(super) fn study(table: &Table, folder: &Path) -> Read<Study> {
     let time = table.get("time", seconds);
     let seeds = table.get("seeds", |item| item.u32(1));
     let reference = table.get("reference", |item| Ok(StudyReference::of(item.string()?, folder)));
+    let reference_set = table.get("reference_set", settings);
     let reference_error = table.get("reference_error", |item| {
         if item.is_number() {
             item.positive()
@@ -165,6 +168,7 @@ pub(super) fn study(table: &Table, folder: &Path) -> Read<Study> {
         time: time?,
         seeds: seeds?,
         reference: reference?,
+        reference_set: reference_set?.unwrap_or_default(),
         reference_error: reference_error?,
         reference_time: reference_time?,
         limit_samples: limit_samples?,
