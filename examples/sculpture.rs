@@ -127,7 +127,11 @@ impl Rose {
         let grown = 0.80 + 0.20 * smoothstep(0.0, 0.7, share);
         // It rises from nothing and ends in nothing.
         let ends = smoothstep(-0.02, 0.25, place) * smoothstep(-0.01, 0.16, Self::TURNS - place);
-        Blade { lean, length: Self::LENGTH * outline * grown * (0.35 + 0.65 * ends), bend: lean.sin() * (1.0 + 0.45 * share) }
+        Blade {
+            lean,
+            length: Self::LENGTH * outline * grown * (0.35 + 0.65 * ends),
+            bend: lean.sin() * (1.0 + 0.45 * share),
+        }
     }
 }
 
@@ -233,11 +237,7 @@ impl Hand {
         }
         let (root, knuckle, joint, tip) =
             (v(-11.0, -16.0, 3.0), v(-23.5, 0.0, 5.5), v(-30.0, 14.5, 6.5), v(-33.0, 25.0, 6.0));
-        parts.push(vec![
-            cone(root, knuckle, 8.0, 6.2),
-            cone(knuckle, joint, 6.0, 5.3),
-            cone(joint, tip, 5.3, 4.1),
-        ]);
+        parts.push(vec![cone(root, knuckle, 8.0, 6.2), cone(knuckle, joint, 6.0, 5.3), cone(joint, tip, 5.3, 4.1)]);
         parts.push(palm);
         Hand { parts }
     }
@@ -250,9 +250,10 @@ impl Hand {
         };
         let palm = self.parts.len() - 1;
         let widths = (0..).map(|i| if i == palm { within } else { 1.5 });
-        self.parts.iter().zip(widths).fold(f64::INFINITY, |value, (cones, width)| {
-            smooth_min(value, part(cones, width), between)
-        })
+        self.parts
+            .iter()
+            .zip(widths)
+            .fold(f64::INFINITY, |value, (cones, width)| smooth_min(value, part(cones, width), between))
     }
 }
 
@@ -549,7 +550,7 @@ impl Mesh {
             return Err(format!("{open} edges do not join two triangles: the cells are too large for the shape"));
         }
         let smallest = self.faces.iter().map(|face| smallest_angle(&self.points, face)).fold(f64::INFINITY, f64::min);
-        if smallest < 0.0 { Err(format!("a triangle with an angle of {smallest}°")) } else { Ok(smallest) }
+        if smallest < 1.0 { Err(format!("a triangle with an angle of {smallest}°")) } else { Ok(smallest) }
     }
 
     /// As a Wavefront OBJ file. Faces name their vertices soon after these come, counted back from the

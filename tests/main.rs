@@ -7,6 +7,7 @@ mod beam_against_path;
 mod cli;
 mod closed_forms;
 mod determinism;
+mod figures;
 mod kinds;
 mod passes;
 mod point_queries;

@@ -92,10 +92,8 @@ impl Lathe {
         for i in (0..count).filter(|&i| !on_axis(i)) {
             let before = if i > 0 { Some(i - 1) } else { loops.then_some(count - 1) };
             let after = if i + 1 < count { Some(i + 1) } else { loops.then_some(0) };
-            let smooth = [
-                tip(i, i).unwrap_or_else(|| mean(i, before)),
-                tip(i, i + 1).unwrap_or_else(|| mean(i, after)),
-            ];
+            let smooth =
+                [tip(i, i).unwrap_or_else(|| mean(i, before)), tip(i, i + 1).unwrap_or_else(|| mean(i, after))];
             let length = profile[i].distance(profile[i + 1]);
             pieces.push(Piece { ends: ends(i), normal: normal(i), smooth, along: [along, along + length] });
             along += length;
@@ -607,7 +605,8 @@ mod tests {
             let drum = Lathe::new(&profile, crease.to_radians()).unwrap();
             let bevel = drum.pieces[2];
             let slant = DVec2::ONE.normalize();
-            let expected = if round { [(slant + DVec2::X).normalize(), (slant + DVec2::Y).normalize()] } else { [slant; 2] };
+            let expected =
+                if round { [(slant + DVec2::X).normalize(), (slant + DVec2::Y).normalize()] } else { [slant; 2] };
             assert!(bevel.smooth[0].distance(expected[0]) < 1e-12 && bevel.smooth[1].distance(expected[1]) < 1e-12);
             assert_eq!(drum.pieces[1].smooth[0], DVec2::X);
         }

@@ -74,7 +74,10 @@ fn unpack(bytes: &[u8], path: &Path) -> Result<Vec<u8>> {
         .read_to_end(&mut unpacked)
         .map_err(|e| Error::asset(path, format!("cannot be unpacked by gzip: {e}: the file is damaged")))?;
     if unpacked.len() as u64 > MAX_BYTES {
-        return Err(Error::Limit(format!("{}: unpacks to more than the {MAX_BYTES} bytes that can be read", path.display())));
+        return Err(Error::Limit(format!(
+            "{}: unpacks to more than the {MAX_BYTES} bytes that can be read",
+            path.display()
+        )));
     }
     Ok(unpacked)
 }

@@ -343,9 +343,11 @@ impl Placed {
                 }
             }
             Shape::Mesh(mesh) => match self.similarity {
-                Some(scale) => mesh.faces_near(self.to_local.transform_point3(p), radius / scale, &mut |i, on, normal| {
-                    visit(i, m.transform_point3(on), self.normal_to_world(normal));
-                }),
+                Some(scale) => {
+                    mesh.faces_near(self.to_local.transform_point3(p), radius / scale, &mut |i, on, normal| {
+                        visit(i, m.transform_point3(on), self.normal_to_world(normal));
+                    })
+                }
                 None => {
                     // ---- the box around the sphere, which is an ellipsoid in object space
                     let rows = self.to_local.matrix3.transpose();
