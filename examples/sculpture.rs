@@ -550,7 +550,7 @@ impl Mesh {
             return Err(format!("{open} edges do not join two triangles: the cells are too large for the shape"));
         }
         let smallest = self.faces.iter().map(|face| smallest_angle(&self.points, face)).fold(f64::INFINITY, f64::min);
-        if smallest < 0.0 { Err(format!("a triangle with an angle of {smallest}°")) } else { Ok(smallest) }
+        if smallest < 1.0 { Err(format!("a triangle with an angle of {smallest}°")) } else { Ok(smallest) }
     }
 
     /// As a Wavefront OBJ file. Faces name their vertices soon after these come, counted back from the

@@ -8,6 +8,7 @@ mod cli;
 mod closed_forms;
 mod compare;
 mod determinism;
+mod figures;
 mod kinds;
 mod passes;
 mod point_queries;
