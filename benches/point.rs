@@ -6,6 +6,8 @@
 //! Even: photons spread over a cube five wide. Beams: six narrow cones inside of a larger box. March: along rays of
 //! neighbouring pixels, front to back. Anyhow: points anywhere.
 
+mod photons;
+
 use glam::{DVec3, Vec3};
 use smallvec::SmallVec;
 use std::sync::OnceLock;
@@ -16,33 +18,6 @@ use volpm::math::{Frame, sampling};
 use volpm::photon::{Ball, Photon, Plane, PointMap, PointMemory, PointSettings};
 
 const G: f32 = 0.75;
-
-fn photon(position: DVec3, direction: DVec3, stream: &mut Stream) -> Photon {
-    let power = Vec3::from_array([0; 3].map(|_| stream.uniform() as f32));
-    Photon { position: position.as_vec3(), direction: direction.as_vec3(), power, events: 0 }
-}
-
-fn even(count: usize) -> Vec<Photon> {
-    let mut stream = Stream::new(1, Purpose::Test, 0, 0);
-    let mut one = || {
-        let x = DVec3::from_array([0; 3].map(|_| 5.0 * stream.uniform() - 2.5));
-        let d = sampling::sphere(stream.uniform2());
-        photon(x, d, &mut stream)
-    };
-    (0..count).map(|_| one()).collect()
-}
-
-fn beams(count: usize) -> Vec<Photon> {
-    let mut stream = Stream::new(2, Purpose::Test, 0, 0);
-    let one = |i: usize| {
-        let k = (i % 6) as f64;
-        let axis = DVec3::new(0.1 * (2.5 - k), if i.is_multiple_of(2) { -0.3 } else { 0.3 }, -1.0).normalize();
-        let start = DVec3::new(3.0 * k - 7.5, if i.is_multiple_of(2) { 1.5 } else { -1.5 }, 4.5);
-        let d = Frame::around(axis).to_world(sampling::cone(0.022, stream.uniform2()));
-        photon(start + d * (0.3 + 8.7 * stream.uniform()), d, &mut stream)
-    };
-    (0..count).map(one).collect()
-}
 
 /// A place on a ray, and the ray's direction.
 type Place = (DVec3, DVec3);
@@ -417,7 +392,7 @@ fn main() {
     let density = count as f32 / 125.0;
     let radius_of = |n: f32| (n / density / 4.19).cbrt();
     let eye = DVec3::new(1.0, 2.0, -9.0);
-    let photons = even(count);
+    let photons = photons::even(count);
     for n in [8, 50, 200, 1000] {
         let r = radius_of(n as f32);
         let steps = march(eye, DVec3::ZERO, 2.0, 0.1, 4);
@@ -433,7 +408,7 @@ fn main() {
         compare("nearest, march in small steps", &structures, nearest, &march(eye, DVec3::ZERO, 2.0, 0.02, 1));
         compare("nearest, anyhow", &structures, nearest, &anyhow(4000));
     }
-    let photons = beams(count);
+    let photons = photons::beams(count);
     let steps = march(DVec3::new(1.0, -17.0, 1.0), DVec3::ZERO, 3.0, 0.1, 4);
     println!("beams:");
     let fixed = Ball::Fixed(0.05);

@@ -12,53 +12,10 @@ use volpm::render::{Checkpoint, End, Film, Limits, Rendering, Silent, Stats, nar
 use volpm::scene::{self, Description, Scene};
 use xxhash_rust::xxh3::xxh3_128;
 
-use crate::support::data;
+use crate::support::{ALL_SORTS, data};
 
-/// Fog and a grid, a wall, a light with and one without size.
-const SCENE: &str = r#"
-[film]
-width = 19
-height = 18
-[camera]
-position = [0, 0.2, 4]
-target = [0, 0, 0]
-[world]
-medium = "haze"
-[media.haze]
-sigma_s = [0.05, 0.1, 0.2]
-sigma_a = 0.02
-[media.smoke]
-sigma_t = 4
-albedo = 0.9
-density = { type = "vdb", file = "reference/smoke_grid/smoke_grid_64.vdb", grid = "density" }
-[materials.white]
-type = "lambert"
-reflectance = 0.7
-[[shapes]]
-type = "box"
-min = [-1, -1, -1]
-max = [1, 1, 1]
-interior = "smoke"
-[[shapes]]
-type = "quad"
-origin = [-4, -1.2, 4]
-edge_u = [8, 0, 0]
-edge_v = [0, 0, -8]
-material = "white"
-[[shapes]]
-type = "sphere"
-center = [2, 2, 1]
-radius = 0.2
-emission = { radiance = 40 }
-[[lights]]
-type = "point"
-position = [-2, 1, 1]
-intensity = [1, 2, 3]
-[render]
-samples = 2
-[photons]
-volume = 2_000
-"#;
+/// Overrides that make the scene quick to render.
+const QUICK: [&str; 4] = ["film.width=19", "film.height=18", "render.samples=2", "photons.volume=2000"];
 
 struct Work {
     description: Description,
@@ -67,8 +24,8 @@ struct Work {
 
 impl Work {
     fn new(overrides: &[&str]) -> Self {
-        let overrides: Vec<String> = overrides.iter().map(|text| text.to_string()).collect();
-        let description = scene::parse(SCENE, &data("scene.toml"), &overrides).unwrap();
+        let overrides: Vec<String> = QUICK.iter().chain(overrides).map(|text| text.to_string()).collect();
+        let description = scene::parse(ALL_SORTS, &data("scene.toml"), &overrides).unwrap();
         let scene = scene::build(&description).unwrap();
         Work { description, scene }
     }
@@ -333,7 +290,7 @@ fn what_does_not_belong_together_is_not_joined() {
         let mut bytes = fs::read(from.join("smoke_grid_64.vdb")).unwrap();
         bytes.extend_from_slice(change.as_bytes());
         fs::write(to.join("smoke_grid_64.vdb"), bytes).unwrap();
-        let description = scene::parse(SCENE, &place.path().join("other.toml"), &[]).unwrap();
+        let description = scene::parse(ALL_SORTS, &place.path().join("other.toml"), &QUICK.map(String::from)).unwrap();
         Subject::new(&description, 1)
     };
     let here = Work::new(&[]).subject();

@@ -9,6 +9,8 @@
 
 mod floor;
 mod paper;
+#[path = "../photons/mod.rs"]
+mod photons;
 
 use glam::{DAffine3, DVec3, Vec3};
 use std::sync::Arc;
@@ -17,39 +19,12 @@ use volpm::gather::{
     BeamQuery, Bundle, BundleScratch, DepthTable, GatherStats, Lobe, PhaseLanes, SampledDepths, Samples, StreamScratch,
 };
 use volpm::math::random::{Purpose, Stream};
-use volpm::math::{Frame, Ray, sampling};
+use volpm::math::{Frame, Ray};
 use volpm::medium::density::bricks::{BrickGrid, NegativePolicy};
 use volpm::medium::density::{Density, Grid};
 use volpm::photon::{Disc, MapSettings, Photon, PhotonMap, Radius};
 
 const SIGMA: f32 = 0.4;
-
-fn photon(position: DVec3, direction: DVec3, stream: &mut Stream) -> Photon {
-    let power = Vec3::from_array([0; 3].map(|_| stream.uniform() as f32));
-    Photon { position: position.as_vec3(), direction: direction.as_vec3(), power, events: (4.0 * power.x) as u8 }
-}
-
-fn even(count: usize) -> Vec<Photon> {
-    let mut stream = Stream::new(1, Purpose::Test, 0, 0);
-    let mut one = || {
-        let x = DVec3::from_array([0; 3].map(|_| 5.0 * stream.uniform() - 2.5));
-        let d = sampling::sphere(stream.uniform2());
-        photon(x, d, &mut stream)
-    };
-    (0..count).map(|_| one()).collect()
-}
-
-fn beams(count: usize) -> Vec<Photon> {
-    let mut stream = Stream::new(2, Purpose::Test, 0, 0);
-    let one = |i: usize| {
-        let k = (i % 6) as f64;
-        let axis = DVec3::new(0.1 * (2.5 - k), if i.is_multiple_of(2) { -0.3 } else { 0.3 }, -1.0).normalize();
-        let start = DVec3::new(3.0 * k - 7.5, if i.is_multiple_of(2) { 1.5 } else { -1.5 }, 4.5);
-        let d = Frame::around(axis).to_world(sampling::cone(0.022, stream.uniform2()));
-        photon(start + d * (0.3 + 8.7 * stream.uniform()), d, &mut stream)
-    };
-    (0..count).map(one).collect()
-}
 
 /// Rays of a pinhole camera looking along `forward`, this many degrees wide, 256 pixels, four rays a pixel, from a few
 /// tiles of the picture.
@@ -409,7 +384,7 @@ fn main() {
     }
     table.finish();
 
-    let photons = even(count);
+    let photons = photons::even(count);
     let variable = Radius::Variable { neighbours: 500, pilot: 23, max_radius: 1.0 };
     let map = build("even, variable", &photons, variable);
     let rays = camera(DVec3::new(0.0, 0.0, -2.45), DVec3::Z, 50.0, 4096);
@@ -442,7 +417,7 @@ fn main() {
     }
     build("even, but half at one place, variable", &piled, variable);
 
-    let map = build("beams, variable", &beams(count), variable);
+    let map = build("beams, variable", &photons::beams(count), variable);
     let rays = camera(DVec3::new(0.0, -14.0, -0.5), DVec3::Y, 70.0, 16384);
     measure("camera", &map, &rays, &plain);
     measure_bundles("camera", &map, &rays, &plain);

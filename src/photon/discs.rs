@@ -100,36 +100,49 @@ impl Extent {
     }
 }
 
+/// What `make` says of each part of a range of blocks, in order: given the part, and, if it is a subtree and no single
+/// block, its root's index and its nodes, which are taken from those behind the parent at `first`. Fills the parent's
+/// `indices`.
+pub(super) fn children<N: Send, R: Send>(
+    range: &Range<usize>,
+    first: usize,
+    mut nodes: &mut [N],
+    indices: &mut [u32; LANES],
+    make: impl Fn(Range<usize>, usize, &mut [N]) -> R + Sync,
+) -> Vec<R> {
+    let mut jobs = Vec::with_capacity(LANES);
+    let mut next = first + 1;
+    for (index, ends) in indices.iter_mut().zip(parts(range).windows(2)) {
+        let part = ends[0]..ends[1];
+        if part.len() == 1 {
+            *index = LEAF | part.start as u32;
+            jobs.push((part, 0, Default::default()));
+        } else {
+            let count = node_count(part.len());
+            let (own, others) = nodes.split_at_mut(count);
+            nodes = others;
+            *index = next as u32;
+            jobs.push((part, next, own));
+            next += count;
+        }
+    }
+    let make = |(part, first, own): (Range<usize>, usize, &mut [N])| make(part, first, own);
+    if range.len() >= PARALLEL_BLOCKS {
+        jobs.into_par_iter().map(make).collect()
+    } else {
+        jobs.into_iter().map(make).collect()
+    }
+}
+
 impl Input<'_> {
     /// Fills `nodes` with the tree over the blocks of `range`; `first` is the index of its root.
     fn fill(&self, range: Range<usize>, first: usize, nodes: &mut [Node]) -> Extent {
-        let parts = parts(&range);
-        let Some((root, mut rest)) = nodes.split_first_mut() else {
+        let Some((root, rest)) = nodes.split_first_mut() else {
             return Extent::around(Vec3::INFINITY, Vec3::NEG_INFINITY);
         };
-        let mut jobs = Vec::with_capacity(LANES);
-        let mut next = first + 1;
-        for (lane, part) in parts.windows(2).map(|ends| ends[0]..ends[1]).enumerate() {
-            if part.len() == 1 {
-                root.children[lane] = LEAF | part.start as u32;
-                jobs.push((part, 0, Default::default()));
-            } else {
-                let count = node_count(part.len());
-                let (own, others) = rest.split_at_mut(count);
-                rest = others;
-                root.children[lane] = next as u32;
-                jobs.push((part, next, own));
-                next += count;
-            }
-        }
-        let run = |(part, first, own): (Range<usize>, usize, &mut [Node])| {
+        let children = children(&range, first, rest, &mut root.children, |part, first, own| {
             if own.is_empty() { self.block(part.start) } else { self.fill(part, first, own) }
-        };
-        let children: Vec<Extent> = if range.len() >= PARALLEL_BLOCKS {
-            jobs.into_par_iter().map(run).collect()
-        } else {
-            jobs.into_iter().map(run).collect()
-        };
+        });
 
         let (mut min, mut max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         for (lane, child) in children.iter().enumerate() {

@@ -7,7 +7,7 @@
 //! long. Look-ups that follow one
 //! another are close to one another, so the last radius is a bound that seldom fails.
 
-use super::discs::{LEAF, STACK, node_count, parts, photons_in};
+use super::discs::{LEAF, STACK, children, node_count, photons_in};
 use super::kernel::Profile;
 use super::map::{Item, Photon, Radii, events_of, radius_limits, sorted, storable, summary};
 use super::radii::{KEPT, List};
@@ -404,9 +404,6 @@ const ROUNDING: f32 = 4.0 * f32::EPSILON;
 /// A bound that was too tight grows by this factor at most.
 const MOST_GROWTH: f32 = 2.5;
 
-/// Subtrees of fewer blocks are built by one thread.
-const PARALLEL_BLOCKS: usize = 512;
-
 fn positions_of(items: &[Item]) -> [Row; 3] {
     let mut rows = [Row([f32::INFINITY; LANES]); 3];
     for (lane, item) in items.iter().enumerate() {
@@ -438,32 +435,13 @@ impl Input<'_> {
     /// Fills `nodes` with the tree over the blocks of `range`; `first` is the index of its root. Returns the
     /// corners of the box around it.
     fn fill(&self, range: Range<usize>, first: usize, nodes: &mut [BoxNode]) -> (Vec3, Vec3) {
-        let parts = parts(&range);
-        let Some((root, mut rest)) = nodes.split_first_mut() else { return (Vec3::INFINITY, Vec3::NEG_INFINITY) };
-        let mut jobs = Vec::with_capacity(LANES);
-        let mut next = first + 1;
-        for (lane, part) in parts.windows(2).map(|ends| ends[0]..ends[1]).enumerate() {
-            if part.len() == 1 {
-                root.children[lane] = LEAF | part.start as u32;
-                root.leaves |= 1 << lane;
-                jobs.push((part, 0, Default::default()));
-            } else {
-                let count = node_count(part.len());
-                let (own, others) = rest.split_at_mut(count);
-                rest = others;
-                root.children[lane] = next as u32;
-                jobs.push((part, next, own));
-                next += count;
-            }
-        }
-        let run = |(part, first, own): (Range<usize>, usize, &mut [BoxNode])| {
+        let Some((root, rest)) = nodes.split_first_mut() else { return (Vec3::INFINITY, Vec3::NEG_INFINITY) };
+        let boxes = children(&range, first, rest, &mut root.children, |part, first, own| {
             if own.is_empty() { self.block(part.start) } else { self.fill(part, first, own) }
-        };
-        let boxes: Vec<(Vec3, Vec3)> = if range.len() >= PARALLEL_BLOCKS {
-            jobs.into_par_iter().map(run).collect()
-        } else {
-            jobs.into_iter().map(run).collect()
-        };
+        });
+        for (lane, &child) in root.children.iter().enumerate().take(boxes.len()) {
+            root.leaves |= u16::from(child & LEAF != 0) << lane;
+        }
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         for (lane, (min, max)) in boxes.into_iter().enumerate() {
             for axis in 0..3 {

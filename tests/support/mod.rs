@@ -153,3 +153,51 @@ impl Checks {
         assert!(self.failed == 0, "{} of {} comparisons failed (✗)", self.failed, self.made);
     }
 }
+
+/// Fog and a grid, a diffuse wall, lights of several kinds: all random numbers there are.
+pub const ALL_SORTS: &str = r#"
+[film]
+width = 40
+height = 36
+[camera]
+position = [0, 0.2, 4]
+target = [0, 0, 0]
+fov = 40
+[world]
+medium = "haze"
+[media.haze]
+sigma_s = [0.05, 0.1, 0.2]
+sigma_a = 0.02
+[media.smoke]
+sigma_t = 4
+albedo = 0.9
+density = { type = "vdb", file = "reference/smoke_grid/smoke_grid_64.vdb", grid = "density" }
+phase = { type = "hg", g = 0.4 }
+[materials.white]
+type = "lambert"
+reflectance = 0.7
+[[shapes]]
+type = "box"
+min = [-1, -1, -1]
+max = [1, 1, 1]
+interior = "smoke"
+[[shapes]]
+type = "quad"
+origin = [-4, -1.2, 4]
+edge_u = [8, 0, 0]
+edge_v = [0, 0, -8]
+material = "white"
+[[shapes]]
+type = "sphere"
+center = [2, 2, 1]
+radius = 0.2
+emission = { radiance = 40 }
+[[lights]]
+type = "point"
+position = [-2, 1, 1]
+intensity = [1, 2, 3]
+[render]
+samples = 3
+[photons]
+volume = 30_000
+"#;
