@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use volpm::compare::results::{Figures, Results};
+use volpm::compare::results::{Figures, Results, Variant};
 use volpm::compare::{self, Request, Watch};
 use volpm::image::{self, Image};
 use volpm::render::Progress;
@@ -255,7 +255,7 @@ fn variants_on_one_map_differ_only_in_gathering() {
         same_map = true
         reference = "own"
         limit_samples = 64
-        variants = ["beam", "point-uniform", "point-adaptive"]
+        variants = ["beam", "point-uniform", "point-adaptive", "beam-fixed"]
         "#,
     );
     let map = results.study.same_map.as_ref().unwrap();
@@ -266,6 +266,12 @@ fn variants_on_one_map_differ_only_in_gathering() {
         let (bias2, variance) = (whole.bias2.unwrap().value, whole.variance.unwrap().value);
         assert!(bias2.abs() < 0.25 * variance, "{}: {bias2} {variance}", variant.name);
     }
+    // The scene says nothing of a fixed radius: it is as wide as the others are on average.
+    let [beam, .., fixed] = &results.variants[..] else { panic!() };
+    let mean = |variant: &Variant| variant.statistics.radii.unwrap()[1];
+    assert!((mean(fixed) / mean(beam) - 1.0).abs() < 0.01, "{} {}", mean(fixed), mean(beam));
+    assert!(fixed.notes[0].starts_with("volume.radius = "), "{:?}", fixed.notes);
+
     // All marchers have one limit, beams another.
     let limit = |index: usize| results.variants[index].limit.as_ref().unwrap().image.clone().unwrap();
     assert_eq!(limit(1), limit(2));

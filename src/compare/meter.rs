@@ -53,8 +53,10 @@ struct State {
 
 /// Samples that a round takes at most.
 const ROUND: f64 = 16.0;
-/// Rounds are made to end by this share of the time to a budget, as times vary; what then still fits, follows.
-const SURE: f64 = 0.85;
+/// Rounds are made to end at this share of the time left until a budget, as times vary.
+const SURE: f64 = 0.9;
+/// For a budget of which no more than this share is left, no round is made shorter: short ones cost more.
+const NEAR: f64 = 0.08;
 /// A render that is expected to exceed its last budget by this share of what is under way goes on nevertheless.
 const HOPE: f64 = 0.1;
 
@@ -195,11 +197,14 @@ impl<P: Progress> Progress for Meter<'_, P> {
         if done == 0 {
             state.began = now;
         }
-        let budget = self.budgets.values.get(state.next).copied().unwrap_or(0.0);
+        let mut left = self.budgets.values[state.next..].iter().copied();
         let fits = match self.budgets.kind {
-            BudgetKind::Samples => budget - f64::from(done),
+            BudgetKind::Samples => left.next().unwrap_or(0.0) - f64::from(done),
             BudgetKind::Seconds if done == 0 => 1.0,
-            BudgetKind::Seconds => SURE * (budget - now) * f64::from(done) / (now - state.began).max(1e-9),
+            BudgetKind::Seconds => {
+                let next = left.find(|budget| budget - now > NEAR * budget).unwrap_or(f64::INFINITY);
+                SURE * (next - now) * f64::from(done) / (now - state.began).max(1e-9)
+            }
         };
         fits.clamp(1.0, ROUND) as u32
     }
