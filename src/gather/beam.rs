@@ -793,6 +793,69 @@ mod tests {
         }
     }
 
+    /// Photons everywhere alike below a boundary, mean free path 1: a ray gathers q/(4π σ) at any angle, even where
+    /// discs are several mean free paths wide, and no less next to another wall; and where light grows with depth, it
+    /// is that of the right depth: ∫ (1 + z cos θ) e^{−z} dz = 1 + cos θ.
+    #[test]
+    fn leaning_discs_keep_depths_apart() {
+        const N: usize = 400_000;
+        const HALF: f64 = 12.0;
+        const DEPTH: f64 = 8.0;
+        let boundary = |x: Vec3, r: f32, planes: &mut Planes| {
+            planes.push(Plane { normal: -Vec3::Z, distance: -x.z, leans: true });
+            let distance = x.x + HALF as f32;
+            if distance < 2.0 * r {
+                planes.push(Plane { normal: Vec3::X, distance, leans: false });
+            }
+        };
+        let mut stream = Stream::new(13, Purpose::Test, 0, 0);
+        let volume = 4.0 * HALF * HALF * DEPTH;
+        let photons: Vec<Photon> = (0..N)
+            .map(|_| {
+                let x = |stream: &mut Stream| (2.0 * stream.uniform() - 1.0) * HALF;
+                let position = DVec3::new(x(&mut stream), x(&mut stream), -DEPTH * stream.uniform());
+                let power = Vec3::new(1.0, 1.0 - position.z as f32, 1.0) * (volume / N as f64) as f32;
+                Photon { position: position.as_vec3(), direction: Vec3::X, power, events: 0 }
+            })
+            .collect();
+        let phase = PhaseLanes::new(Lobe::Isotropic);
+        for radius in [0.7, 3.0] {
+            let mut map = PhotonMap::build(photons.clone(), &MapSettings::new(Radius::Fixed(radius)), &boundary);
+            assert!(map.leans());
+            for cos in [1.0f64, 0.7, 0.3, 0.15] {
+                let mut means = Vec::new();
+                let sets = if cos == 0.3 { Isa::available() } else { vec![Isa::best()] };
+                for isa in sets {
+                    map.isa = isa;
+                    let mut sum = DVec3::ZERO;
+                    let rays = if radius < 1.0 { 400 } else { 60 };
+                    let mut stream = Stream::new(14, Purpose::Test, 0, 0);
+                    for ray in 0..rays {
+                        let (x, y) = (8.0 * stream.uniform() - 4.0, 8.0 * stream.uniform() - 4.0);
+                        let sin = (1.0 - cos * cos).sqrt();
+                        // Every second one next to the other wall, along it.
+                        let (x, towards) = if ray % 2 == 0 { (x, DVec3::X) } else { (0.3 - HALF, DVec3::Y) };
+                        let query = BeamQuery {
+                            origin: DVec3::new(x, y, 0.0),
+                            direction: DVec3::new(0.0, 0.0, -cos) + sin * towards,
+                            length: f32::INFINITY,
+                            phase: &phase,
+                            extinction: Vec3::ONE,
+                            depth: None,
+                            max_events: 255,
+                        };
+                        let total = map.gather(&query, &mut GatherStats::default()).total;
+                        sum += DVec3::from_array(total.map(f64::from)) * (4.0 * PI / rays as f64);
+                    }
+                    assert!((sum.x - 1.0).abs() < 0.02, "r = {radius}, cos = {cos}: {sum}");
+                    assert!((sum.y / (1.0 + cos) - 1.0).abs() < 0.02, "r = {radius}, cos = {cos}: {sum}");
+                    means.push(sum);
+                }
+                assert!(means.iter().all(|mean| mean.distance(means[0]) < 1e-4 * means[0].length()));
+            }
+        }
+    }
+
     #[test]
     fn photons_at_one_place_give_a_finite_sum() {
         let one = Photon { position: Vec3::new(0.3, -4.0, 2.0), direction: Vec3::X, power: Vec3::ONE, events: 0 };
