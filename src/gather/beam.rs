@@ -462,7 +462,7 @@ fn beside_wall<L: Lanes>(
 ///
 /// A wall that is curved leaves its plane before it comes to the ray. Where the ray's start (or its end, if it goes
 /// towards the wall) is off the plane by H, less than a quarter of the radius, it stands for the wall: the depth is
-/// counted from there, which adds H/(ν·ω) to t.
+/// counted from there, which adds H/(ν·ω) to t. Else the ray comes through another wall, and discs lie across it.
 struct Leaning<L> {
     /// ν across the ray, and along it.
     across: [L; 2],
@@ -476,30 +476,32 @@ struct Leaning<L> {
 /// Discs are not turned farther towards the ray than to this ν·ω, so that none counts more than twenty times.
 const LEAST_ALONG: f32 = 0.05;
 
+/// (H/r)² up to which a ray's end is on a wall.
+const ON_WALL: f32 = 0.0625;
+
 impl<L: Lanes> Leaning<L> {
     /// The photons of `bits` lean on their `wall`.
     #[inline(always)]
     fn new(wall: &WallLayer, bits: u16, ray: &RayLanes<L>, [t, a, b]: [L; 3], inverse_square: L) -> Self {
         let (zero, one) = (L::splat(0.0), L::splat(1.0));
-        let mask = L::mask(bits);
         let normal = load3::<L>(&wall.normal);
+        let (nu, nv) = (dot_plus(&normal, &ray.u, zero), dot_plus(&normal, &ray.v, zero));
         let along = dot_plus(&normal, &ray.omega, zero);
         let sign = one.select(zero.less_equal(along), L::splat(-1.0));
+        // The end of the ray that may be on the wall, and how high above the wall's plane it is.
+        let end = zero.select(zero.less(sign), ray.length).sub(t);
+        let foot = b.neg_mul_add(nv, a.neg_mul_add(nu, L::load(&wall.distance)));
+        let height = end.mul_add(along, foot);
+        let mask = L::mask(bits & L::bits(height.mul(height).mul(inverse_square).less(L::splat(ON_WALL))));
         let along = along.mul(sign);
         let least = L::splat(LEAST_ALONG);
         // What is left across the ray where ν·ω is raised to its least.
         let rest = along.neg_mul_add(along, one).max(L::splat(f32::MIN_POSITIVE));
         let scale = one.min(least.neg_mul_add(least, one).div(rest).sqrt()).mul(sign);
-        let (nu, nv) = (dot_plus(&normal, &ray.u, zero), dot_plus(&normal, &ray.v, zero));
-        // The end of the ray that may be on the wall, and how high above the wall's plane it is.
-        let end = zero.select(zero.less(sign), ray.length).sub(t);
-        let foot = b.neg_mul_add(nv, a.neg_mul_add(nu, L::load(&wall.distance)));
-        let height = end.mul_add(along.mul(sign), foot);
-        let on_wall = L::mask(bits & L::bits(height.mul(height).mul(inverse_square).less(L::splat(0.0625))));
         let across = [nu.mul(scale).keep(mask), nv.mul(scale).keep(mask)];
         let along = along.max(least).select(mask, one);
         let stretch = one.div(along);
-        let lift = height.mul(sign).keep(on_wall);
+        let lift = height.mul(sign).keep(mask);
         let shift = a.mul_add(across[0], b.mul_add(across[1], lift)).mul(stretch);
         Leaning { across, along, shift, stretch }
     }
