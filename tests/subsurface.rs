@@ -348,7 +348,7 @@ fn lossless_solids_in_a_furnace() {
             let what = format!("{name}, {place}");
             let expected = Estimate::exact([expected; 3]);
             checks.agree(&format!("{what}, by path"), &path, &expected, 0.01, 0.0);
-            // Inside, far from the boundary, there are few photons: they are kept by what is seen of them from outside.
+            // Inside, few photons are near enough to the camera to be seen: too noisy to tell.
             if z > 1.0 {
                 let photons = Estimate::of(24, &text, &["photons.volume=80000", "render.samples=16"]);
                 checks.agree(&format!("{what}, by photons"), &photons, &expected, 0.015, 0.02);
