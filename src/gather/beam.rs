@@ -512,7 +512,7 @@ fn beside_wall<L: Lanes>(
 ///
 /// A wall that is curved leaves its plane before it comes to the ray. Where the ray's start (or its end, if it goes
 /// towards the wall) is off the plane by H, less than a quarter of the radius, it stands for the wall: the depth is
-/// counted from there, which adds H/(ν·ω) to t.
+/// counted from there, which adds H/(ν·ω) to t. Else the ray comes through another wall, and discs lie across it.
 struct Leaning<L> {
     /// ν across the ray, and along it.
     across: [L; 2],
@@ -526,30 +526,32 @@ struct Leaning<L> {
 /// Discs are not turned farther towards the ray than to this ν·ω, so that none counts more than twenty times.
 const LEAST_ALONG: f32 = 0.05;
 
+/// (H/r)² up to which a ray's end is on a wall.
+const ON_WALL: f32 = 0.0625;
+
 impl<L: Lanes> Leaning<L> {
     /// The photons of `bits` lean on their `wall`.
     #[inline(always)]
     fn new(wall: &WallLayer, bits: u16, ray: &RayLanes<L>, [t, a, b]: [L; 3], inverse_square: L) -> Self {
         let (zero, one) = (L::splat(0.0), L::splat(1.0));
-        let mask = L::mask(bits);
         let normal = load3::<L>(&wall.normal);
+        let (nu, nv) = (dot_plus(&normal, &ray.u, zero), dot_plus(&normal, &ray.v, zero));
         let along = dot_plus(&normal, &ray.omega, zero);
         let sign = one.select(zero.less_equal(along), L::splat(-1.0));
+        // The end of the ray that may be on the wall, and how high above the wall's plane it is.
+        let end = zero.select(zero.less(sign), ray.length).sub(t);
+        let foot = b.neg_mul_add(nv, a.neg_mul_add(nu, L::load(&wall.distance)));
+        let height = end.mul_add(along, foot);
+        let mask = L::mask(bits & L::bits(height.mul(height).mul(inverse_square).less(L::splat(ON_WALL))));
         let along = along.mul(sign);
         let least = L::splat(LEAST_ALONG);
         // What is left across the ray where ν·ω is raised to its least.
         let rest = along.neg_mul_add(along, one).max(L::splat(f32::MIN_POSITIVE));
         let scale = one.min(least.neg_mul_add(least, one).div(rest).sqrt()).mul(sign);
-        let (nu, nv) = (dot_plus(&normal, &ray.u, zero), dot_plus(&normal, &ray.v, zero));
-        // The end of the ray that may be on the wall, and how high above the wall's plane it is.
-        let end = zero.select(zero.less(sign), ray.length).sub(t);
-        let foot = b.neg_mul_add(nv, a.neg_mul_add(nu, L::load(&wall.distance)));
-        let height = end.mul_add(along.mul(sign), foot);
-        let on_wall = L::mask(bits & L::bits(height.mul(height).mul(inverse_square).less(L::splat(0.0625))));
         let across = [nu.mul(scale).keep(mask), nv.mul(scale).keep(mask)];
         let along = along.max(least).select(mask, one);
         let stretch = one.div(along);
-        let lift = height.mul(sign).keep(on_wall);
+        let lift = height.mul(sign).keep(mask);
         let shift = a.mul_add(across[0], b.mul_add(across[1], lift)).mul(stretch);
         Leaning { across, along, shift, stretch }
     }
@@ -841,6 +843,70 @@ mod tests {
                     let (a, b) = (results[0][channel], other[channel]);
                     assert!((a - b).abs() <= 1e-5 * a, "{results:?}");
                 }
+            }
+        }
+    }
+
+    /// Photons everywhere alike below a boundary, mean free path 1: a ray gathers q/(4π σ) at any angle, even where
+    /// discs are several mean free paths wide, and no less next to another wall; and where light grows with depth, it
+    /// is that of the right depth: ∫ (1 + z cos θ) e^{−z} dz = 1 + cos θ.
+    #[test]
+    fn leaning_discs_keep_depths_apart() {
+        const N: usize = 400_000;
+        const HALF: f64 = 12.0;
+        const DEPTH: f64 = 8.0;
+        let boundary = |x: Vec3, r: f32, planes: &mut Planes| {
+            planes.push(Plane { normal: -Vec3::Z, distance: -x.z, leans: true });
+            let distance = x.x + HALF as f32;
+            if distance < 2.0 * r {
+                planes.push(Plane { normal: Vec3::X, distance, leans: false });
+            }
+        };
+        let mut stream = Stream::new(13, Purpose::Test, 0, 0);
+        let volume = 4.0 * HALF * HALF * DEPTH;
+        let photons: Vec<Photon> = (0..N)
+            .map(|_| {
+                let x = |stream: &mut Stream| (2.0 * stream.uniform() - 1.0) * HALF;
+                let position = DVec3::new(x(&mut stream), x(&mut stream), -DEPTH * stream.uniform());
+                let power = Vec3::new(1.0, 1.0 - position.z as f32, 1.0) * (volume / N as f64) as f32;
+                Photon { position: position.as_vec3(), direction: Vec3::X, power, events: 0 }
+            })
+            .collect();
+        let phase = PhaseLanes::new(Lobe::Isotropic);
+        for radius in [0.7, 3.0] {
+            let mut map = PhotonMap::build(photons.clone(), &MapSettings::new(Radius::Fixed(radius)), &boundary);
+            assert!(map.leans());
+            for cos in [1.0f64, 0.7, 0.3, 0.15] {
+                let mut means = Vec::new();
+                let sets = if cos == 0.3 { Isa::available() } else { vec![Isa::best()] };
+                for isa in sets {
+                    map.isa = isa;
+                    let mut sum = DVec3::ZERO;
+                    let rays = if radius < 1.0 { 400 } else { 60 };
+                    let mut stream = Stream::new(14, Purpose::Test, 0, 0);
+                    for ray in 0..rays {
+                        let (x, y) = (8.0 * stream.uniform() - 4.0, 8.0 * stream.uniform() - 4.0);
+                        let sin = (1.0 - cos * cos).sqrt();
+                        // Every second one next to the other wall, along it.
+                        let (x, towards) = if ray % 2 == 0 { (x, DVec3::X) } else { (0.3 - HALF, DVec3::Y) };
+                        let query = BeamQuery {
+                            origin: DVec3::new(x, y, 0.0),
+                            direction: DVec3::new(0.0, 0.0, -cos) + sin * towards,
+                            length: f32::INFINITY,
+                            phase: &phase,
+                            extinction: Vec3::ONE,
+                            depth: None,
+                            max_events: 255,
+                            pruning: None,
+                        };
+                        let total = map.gather(&query, &mut GatherStats::default()).total;
+                        sum += DVec3::from_array(total.map(f64::from)) * (4.0 * PI / rays as f64);
+                    }
+                    assert!((sum.x - 1.0).abs() < 0.02, "r = {radius}, cos = {cos}: {sum}");
+                    assert!((sum.y / (1.0 + cos) - 1.0).abs() < 0.02, "r = {radius}, cos = {cos}: {sum}");
+                    means.push(sum);
+                }
+                assert!(means.iter().all(|mean| mean.distance(means[0]) < 1e-4 * means[0].length()));
             }
         }
     }
