@@ -378,11 +378,12 @@ impl<'a> Turned<'a> {
         match (in_start, in_end) {
             (false, true) => visit(first.max(start).min(end)),
             (true, false) => visit(second.max(start).min(end)),
-            // In and out again, within the stretch.
+            // In and out again: both within the stretch or both beyond it, which the middle tells best.
             _ => {
-                if first > start && second < end && first < second {
-                    visit(first);
-                    visit(second);
+                let middle = 0.5 * (first + second);
+                if first < second && middle > start && middle < end {
+                    visit(first.max(start));
+                    visit(second.min(end));
                 }
             }
         }
