@@ -293,7 +293,7 @@ fn balls_lit_from_the_front() {
 #[test]
 fn a_backlit_slab() {
     let mut checks = Checks::default();
-    for tau in [2.0, 10.0, 40.0] {
+    for tau in [2.0, 10.0, 30.0] {
         let text = format!(
             "[film]\nwidth = 4\nheight = 4\nlayers = false\n\
              [camera]\nposition = [0, 0, {0}]\ntarget = [0, 0, 0]\nfov = 30\n\
@@ -308,7 +308,7 @@ fn a_backlit_slab() {
             1.5 * tau,
             4.0 * tau,
         );
-        let path = Estimate::of(16, &text, &["render.method=path", "render.samples=1000"]);
+        let path = Estimate::of(16, &text, &["render.method=path", "render.samples=600"]);
         let found = Estimate::of(16, &text, &["photons.volume=200000", "render.samples=32"]);
         for c in 0..3 {
             let error = path.standard_error[c].hypot(found.standard_error[c]);
@@ -316,7 +316,7 @@ fn a_backlit_slab() {
             let allowed = if path.mean[c] > 1e-3 { 0.02 * path.mean[c] } else { 1e-4 };
             let what =
                 format!("τ = {tau}, channel {c}: {:.3e} against {:.3e} ± {error:.1e}", found.mean[c], path.mean[c]);
-            checks.holds(what, difference <= allowed + 3.0 * error && error <= 0.02 * path.mean[c].max(5e-3));
+            checks.holds(what, difference <= allowed + 3.0 * error && error <= 0.03 * path.mean[c].max(5e-3));
         }
     }
     checks.finish();
