@@ -215,7 +215,7 @@ fn refracting_slabs_by_path_tracing_and_by_counting_photons() {
 #[test]
 fn refracting_slabs_by_gathering() {
     let mut checks = Checks::default();
-    for (slab, transmitted) in [(SLABS[1].0, false), (SLABS[1].0, true), (SLABS[3].0, false)] {
+    for (slab, transmitted) in [(SLABS[1].0, false), (SLABS[1].0, true)] {
         // Radiance by path tracing: at an angle, the solver's R and T are not what is seen.
         let text = slab.column(transmitted, 150_000);
         let path = Estimate::of(16, &text, &["render.method=path", "render.samples=8000"]);
