@@ -272,7 +272,7 @@ fn balls_lit_from_the_front() {
         (10.0, 1.3, 0.8, 100, 200_000),
         (100.0, 1.0, 0.0, 16, 100_000),
         (100.0, 1.5, 0.0, 32, 100_000),
-        (1000.0, 1.3, 0.8, 32, 200_000),
+        (1000.0, 1.3, 0.8, 32, 300_000),
     ] {
         let medium = format!("sigma_t = {thickness}\nalbedo = 0.999\nphase = {{ type = \"hg\", g = {g} }}");
         let text = ball(&medium, &format!("type = \"dielectric\"\nior = {index}"), lamp);
