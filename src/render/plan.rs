@@ -68,7 +68,7 @@ const DENSE_PHOTONS: u64 = 1_000_000;
 /// See [`DENSE_PHOTONS`].
 const DENSE_NEIGHBOURS: u32 = 300;
 /// See [`DENSE_PHOTONS`].
-const THICK: f64 = 30.0;
+const THICK: f64 = 100.0;
 /// The share of the largest extent of the photons that adaptive radii may reach at most.
 const MAX_RADIUS_SHARE: f64 = 0.1;
 /// Steps across the extent of the photons, unless the scene file says otherwise.
