@@ -308,7 +308,7 @@ fn a_camera_is_enough() {
     assert_eq!((scene.camera.up, scene.camera.fov, scene.camera.focus_distance), (DVec3::Y, 40.0, 4.0));
     assert_eq!(scene.render, Render { method: Method::Photon, samples: 16, passes: 1, seed: 1, max_depth: 0 });
     assert_eq!((scene.volume.kernel, scene.volume.estimate), (Kernel::Variable, Estimate::Beam));
-    assert_eq!(scene.volume.march, Some(March { step: Step::Exponential, size: None, contrast: 0.5 }));
+    assert_eq!(scene.volume.march, None);
     assert_eq!((scene.photons.volume, scene.photons.max_emitted), (None, 50_000_000));
     assert!(scene.warnings[0].contains("nothing gives light"), "{:?}", scene.warnings);
 }
@@ -684,7 +684,7 @@ fn overrides_reach_every_key() {
     assert!(matches!(scene.shapes[1].kind, ShapeKind::Box { max, .. } if max.y == 7.0));
     assert!(matches!(scene.shapes[2].kind, ShapeKind::Sphere { radius: 9.0, .. }));
     assert!(matches!(scene.lights[0].kind, LightKind::Spot { intensity: Rgb::ZERO, .. }));
-    assert_eq!(scene.materials[2].kind, MaterialKind::Dielectric { ior: Rgb::splat(2.0), roughness: 0.0 });
+    assert_eq!(scene.materials[2].kind, MaterialKind::Dielectric { ior: Rgb::splat(2.0), roughness: 0.25 });
     let Density::Vdb { file, .. } = &scene.media[0].density else { panic!() };
     assert_eq!(file.value, PathBuf::from("scenes/a = b/smöke.vdb"));
     assert_eq!(scene.media[2].phase, Phase::Isotropic);

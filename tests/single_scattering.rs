@@ -77,7 +77,7 @@ fn fog_with_a_lamp() {
     for step in ["uniform", "adaptive", "exponential"] {
         let [step_is, size_is] = march(step, 0.5);
         let set = [PHOTON, TRACED, "render.max_depth=1", &step_is, &size_is];
-        let marched = of(ROOM, 16, 100, &set);
+        let marched = of(ROOM, 16, 36, &set);
         checks.agree(&format!("one event, {step} steps"), &marched, &path, 0.003, 0.0);
     }
     let text = format!("{ROOM}{MIRROR}");
@@ -135,7 +135,7 @@ intensity = 10
     for step in ["uniform", "adaptive", "exponential"] {
         let [step_is, size_is] = march(step, 0.4);
         let set = [PHOTON, TRACED, "render.max_depth=1", &step_is, &size_is];
-        let marched = of(text, 16, 100, &set);
+        let marched = of(text, 16, 36, &set);
         checks.agree(&format!("one event, {step} steps"), &marched, &path, 0.003, 0.0);
     }
     let path = of(text, 16, 400, &[PATH]);
@@ -184,7 +184,7 @@ fn a_caustic_survives() {
     let path = of(CAUSTIC, 16, 1600, &[PATH, depth]);
     let traced = of(CAUSTIC, 16, 64, &[PHOTON, TRACED, depth, "photons.volume=200_000"]);
     checks.agree("traced", &traced, &path, 0.004, 0.006);
-    let photons = of(CAUSTIC, 28, 64, &[PHOTON, depth, "photons.volume=200_000"]);
+    let photons = of(CAUSTIC, 36, 64, &[PHOTON, depth, "photons.volume=200_000"]);
     checks.agree("photons", &photons, &path, 0.004, 0.01);
     // Without what came through the glass it would be darker by more than that.
     let straight = of(CAUSTIC, 16, 400, &[PATH, "render.max_depth=1"]).mean[0];

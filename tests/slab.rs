@@ -320,10 +320,7 @@ fn cases() -> Vec<Case> {
         ((1.0, 4.0, 1.0, 0.0), [8, 6]),
         ((1.0, 16.0, 0.99, 0.0), [4, 10]),
         ((1.0, 1.0, 0.5, 0.75), [10, 4]),
-        ((1.0, 4.0, 0.9, 0.75), [36, 8]),
-        ((1.0, 16.0, 0.9, 0.75), [32, 36]),
         ((1.0, 16.0, 1.0, 0.75), [4, 10]),
-        ((1.0, 1.0, 0.9, 0.7), [32, 4]),
         ((1.0, 4.0, 1.0, 0.7), [4, 4]),
         ((1.4, 1.0, 0.9, 0.0), [24, 6]),
         ((1.4, 4.0, 0.99, 0.0), [4, 6]),
@@ -370,7 +367,8 @@ fn slabs_by_path_tracing() {
 #[test]
 fn slabs_by_photons() {
     let mut checks = Checks::default();
-    for case in cases() {
+    // Every second one, which leaves all of the indices and phase functions.
+    for case in cases().into_iter().step_by(2) {
         for transmitted in [false, true] {
             let found = Estimate::of(80, &column(&case.row, transmitted, 64, 30_000), &[]);
             check(&mut checks, &case, transmitted, &found, [0.025, 0.05]);

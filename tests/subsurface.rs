@@ -178,10 +178,10 @@ fn counted(slab: &Slab, photons: u64) -> [(f64, f64); 2] {
 /// Slabs that between them have both indices, thin and thick ones, and forward scattering; for R and T samples by path
 /// tracing in thousands, in each of 16 renders, and photons in thousands.
 const SLABS: [(Slab, [u32; 2], u64); 6] = [
-    (Slab { index: 1.33, tau: 1.0, albedo: 0.9, g: 0.9 }, [12, 1], 200),
+    (Slab { index: 1.33, tau: 1.0, albedo: 0.9, g: 0.9 }, [20, 1], 200),
     (Slab { index: 1.33, tau: 8.0, albedo: 0.99, g: 0.5 }, [2, 4], 60),
     (Slab { index: 1.5, tau: 4.0, albedo: 0.99, g: 0.9 }, [6, 2], 60),
-    (Slab { index: 1.5, tau: 30.0, albedo: 0.999, g: 0.8 }, [1, 3], 60),
+    (Slab { index: 1.5, tau: 30.0, albedo: 0.999, g: 0.8 }, [2, 7], 60),
     (Slab { index: 1.33, tau: 100.0, albedo: 1.0, g: 0.9 }, [1, 0], 60),
     (Slab { index: 1.5, tau: 100.0, albedo: 0.999, g: 0.0 }, [1, 0], 30),
 ];

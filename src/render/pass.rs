@@ -419,11 +419,11 @@ impl<P: Progress> Renderer<'_, P> {
         let maps = Maps::build(scene, &self.plan, scale, &extinctions, traced.regions);
         let summaries = maps.summaries();
         if first {
-            // Discs that lean on boundaries blend no depths.
-            let leans = |region| self.plan.points.is_none() && region != scene.world_region;
-            let wide =
-                |(region, map): &(u32, Summary)| wide_discs(scene, *region, map.radii, extinctions[*region as usize]);
-            self.warnings.extend(summaries.iter().filter(|(region, _)| !leans(*region)).filter_map(wide));
+            let wide = |(region, map): &(u32, Summary)| {
+                let leans = self.plan.points.is_none() && *region != scene.world_region;
+                wide_discs(scene, *region, map.radii, extinctions[*region as usize], leans)
+            };
+            self.warnings.extend(summaries.iter().filter_map(wide));
         }
         self.stats.built(&summaries);
         self.stats.build_seconds += start.elapsed().as_secs_f64();
@@ -594,11 +594,16 @@ fn mean_extinction(scene: &Scene, region: u32, photons: &[Photon]) -> f64 {
 /// Where discs are wider than this many mean free paths, light is blurred across the layer it enters by.
 const WIDE: f64 = 0.3;
 
-fn wide_discs(scene: &Scene, region: u32, radii: Radii, extinction: f64) -> Option<String> {
+/// Discs that lean on boundaries blend no depths, but near edges and along the surface they do blur.
+const WIDE_LEANING: f64 = 100.0;
+
+fn wide_discs(scene: &Scene, region: u32, radii: Radii, extinction: f64, leans: bool) -> Option<String> {
     let share = radii.mean as f64 * extinction;
-    medium_of(scene, region).filter(|_| share > WIDE).map(|medium| {
+    let (most, wrong) =
+        if leans { (WIDE_LEANING, "blurred, and wrong near edges") } else { (WIDE, "blurred and too dark") };
+    medium_of(scene, region).filter(|_| share > most).map(|medium| {
         format!(
-            "medium {}: photons are spread over {:.3e} on average, which is {share:.2} mean free paths; above {WIDE} its lit surface is blurred and too dark: raise photons.volume, lower volume.neighbours or volume.radius, or use method \"path\"",
+            "medium {}: photons are spread over {:.3e} on average, which is {share:.2} mean free paths; above {most} its lit surface is {wrong}: raise photons.volume, lower volume.neighbours or volume.radius, or use method \"path\"",
             medium.name, radii.mean
         )
     })
