@@ -699,7 +699,7 @@ fn overrides_reach_every_key() {
         ("film.width", "expected key=value"),
         ("film..width=3", "is not a dotted key"),
         ("film.width.x=3", "film.width is a single value"),
-        ("shapes.7.radius=1", "shapes.7: no such element; expected a name or an index from 0 to 6"),
+        ("shapes.8.radius=1", "shapes.8: no such element; expected a name or an index from 0 to 7"),
         ("shapes.hazy.radius=1", "shapes.hazy: no such element; did you mean `haze`?"),
         ("volume.march.step=unifrom", "did you mean `uniform`?"),
     ] {

@@ -28,8 +28,8 @@ pub struct BeamQuery<'a> {
     pub depth: Option<&'a DepthTable>,
     /// Only photons with at most this many events count, if the map is tagged; 255 for all.
     pub max_events: u8,
-    /// A number in (0, 1] that decides how far the query goes where little light arrives from, see [`Pruning`];
-    /// `None` for all the way.
+    /// A number in (0, 1] that decides, by Russian roulette, how far the query goes where hardly any light arrives
+    /// from; `None` for all the way.
     pub pruning: Option<f32>,
 }
 
