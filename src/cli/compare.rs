@@ -2,8 +2,6 @@
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use clap::Args;
@@ -80,20 +78,8 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     let request = request(arguments)?;
-    let stop = Arc::new(AtomicBool::new(false));
-    let flag = stop.clone();
-    let on_signal = move || {
-        // A second signal ends the program at once.
-        if flag.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
-        }
-    };
-    ctrlc::set_handler(on_signal).map_err(|error| Error::Usage(format!("cannot listen for Ctrl-C: {error}")))?;
-    let threads = arguments.threads.map_or(0, usize::from);
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .build()
-        .map_err(|error| Error::Limit(format!("cannot start {threads} threads: {error}")))?;
+    let stop = super::stop_on_signal()?;
+    let pool = super::pool(arguments.threads)?;
     let teller = Teller { bar: Bar::new(arguments.quiet) };
     let results = pool.install(|| {
         let results = compare::run(&request, &arguments.out, &teller, &stop)?;

@@ -14,6 +14,8 @@ mod watch;
 
 use std::ffi::OsString;
 use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::error::{ContextKind, ContextValue};
 use clap::{Parser, Subcommand};
@@ -92,6 +94,28 @@ fn still_to_come(error: &clap::Error, asks_for_help: bool) -> Option<String> {
         return LATER_COMMANDS.contains(&name).then(|| format!("`volpm {name}` is not supported yet"));
     }
     None
+}
+
+/// What is set by Ctrl-C. A second one ends the program at once.
+fn stop_on_signal() -> Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let flag = stop.clone();
+    let on_signal = move || {
+        if flag.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+    };
+    ctrlc::set_handler(on_signal).map_err(|error| Error::Usage(format!("cannot listen for Ctrl-C: {error}")))?;
+    Ok(stop)
+}
+
+/// So many threads, or one for each core.
+fn pool(threads: Option<u16>) -> Result<rayon::ThreadPool> {
+    let threads = threads.map_or(0, usize::from);
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .map_err(|error| Error::Limit(format!("cannot start {threads} threads: {error}")))
 }
 
 /// Prints to stdout; a reader that hung up is no failure.

@@ -3,7 +3,6 @@
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use clap::Args;
@@ -98,21 +97,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     overrides.extend(arguments.seed.map(|n| format!("render.seed={n}")));
     overrides.extend(arguments.passes.map(|n| format!("render.passes={n}")));
 
-    let stop = Arc::new(AtomicBool::new(false));
-    let flag = stop.clone();
-    let on_signal = move || {
-        // A second signal ends the program at once.
-        if flag.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
-        }
-    };
-    ctrlc::set_handler(on_signal).map_err(|error| Error::Usage(format!("cannot listen for Ctrl-C: {error}")))?;
-
-    let threads = arguments.threads.map_or(0, usize::from);
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .build()
-        .map_err(|error| Error::Limit(format!("cannot start {threads} threads: {error}")))?;
+    let stop = super::stop_on_signal()?;
+    let pool = super::pool(arguments.threads)?;
     let (description, scene) = pool.install(|| -> Result<(Description, Scene)> {
         let description = scene::read(&arguments.scene, &overrides)?;
         let scene = scene::build(&description)?;

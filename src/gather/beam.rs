@@ -129,28 +129,29 @@ impl PhotonMap {
         }
         let exponents = exponents(query.extinction);
         let grey = exponents[0] == exponents[1] && exponents[0] == exponents[2];
-        let deepest = Pruning::new(query.pruning).depth(exponents);
+        let pruning = Pruning::new(query.pruning);
+        let deepest = pruning.depth(exponents);
         let end = match query.depth {
             None => deepest,
             Some(table) => table.reach(deepest),
         };
         let query = &BeamQuery { length: query.length.min(end), ..*query };
         match query.depth {
-            None if grey => self.gather_kind(query, phase, Grey(exponents[0]), stats),
-            None => self.gather_kind(query, phase, Coloured(exponents), stats),
-            Some(table) => self.gather_kind(query, phase, Tabulated { table, exponents, grey }, stats),
+            None if grey => self.gather_kind((query, pruning), phase, Grey(exponents[0]), stats),
+            None => self.gather_kind((query, pruning), phase, Coloured(exponents), stats),
+            Some(table) => self.gather_kind((query, pruning), phase, Tabulated { table, exponents, grey }, stats),
         }
     }
 
     fn gather_kind(
         &self,
-        query: &BeamQuery,
+        (query, pruning): (&BeamQuery, Pruning),
         phase: impl Evaluate,
         transmittance: impl Transmit,
         stats: &mut GatherStats,
     ) -> Gathered {
         let constant = phase.constant();
-        let sums = self.isa.run(Gather { map: self, query, phase, transmittance, stats });
+        let sums = self.isa.run(Gather { map: self, query, pruning, phase, transmittance, stats });
         let scaled = |sum: [f64; 3]| sum.map(|x| (x * constant) as f32);
         Gathered { total: scaled(sums.total), single: scaled(sums.single) }
     }
@@ -219,6 +220,7 @@ impl Transmit for Tabulated<'_> {
 struct Gather<'a, P, T> {
     map: &'a PhotonMap,
     query: &'a BeamQuery<'a>,
+    pruning: Pruning,
     phase: P,
     transmittance: T,
     stats: &'a mut GatherStats,
@@ -370,11 +372,11 @@ impl<P: Evaluate, T: Transmit> Task for Gather<'_, P, T> {
 
     #[inline(always)]
     fn run<L: Lanes>(self) -> Sums {
-        let Gather { map, query, phase, transmittance, stats } = self;
+        let Gather { map, query, pruning, phase, transmittance, stats } = self;
         let ray = RayFrame::new(query.origin, query.direction, query.length).lanes::<L>();
         let slabs = if map.boxes { Some(Slabs::new(map, query.origin, query.direction, query.length)) } else { None };
 
-        let limits = (query.max_events, Pruning::new(query.pruning));
+        let limits = (query.max_events, pruning);
         let mut sums = Sums { total: [0.0; 3], single: [0.0; 3] };
         let mut stack = [0u32; STACK + LANES];
         let mut list = [0u32; LIST];

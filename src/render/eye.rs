@@ -731,7 +731,8 @@ impl Passage<'_, '_, '_> {
     /// Light of a segment that no photon brings: what the medium emits and, if it is traced, what is scattered once.
     fn light_itself(&mut self, segment: &Segment<'_>, medium: &Medium) {
         self.glow(segment, medium);
-        if self.eye.scene.volume.single_scattering != SingleScattering::Photons {
+        let traces = self.eye.scene.volume.single_scattering != SingleScattering::Photons;
+        if traces && medium.scatters() && self.eye.may_go_on(self.path.events) {
             let marcher = self.eye.traced.map(|marchers| marchers[segment.medium as usize]);
             match marcher.zip(medium.density.support().clip(segment.ray, segment.a, segment.b)) {
                 Some((marcher, (a, b))) if b.is_finite() => self.march_single(segment, medium, &marcher, (a, b)),
@@ -816,9 +817,6 @@ impl Passage<'_, '_, '_> {
     /// Light straight from a light, scattered once on a segment: the path tracer's first collision and no more.
     fn trace_single(&mut self, segment: &Segment<'_>, medium: &Medium) {
         let eye = self.eye;
-        if !medium.scatters() || !eye.may_go_on(self.path.events) {
-            return;
-        }
         let mut stretch = Stretch::new(segment, medium, self.path.weight);
         self.scatter_once(segment, &stretch, medium, |t| stretch.certain(medium).flight_density(medium, t));
 
@@ -835,9 +833,6 @@ impl Passage<'_, '_, '_> {
     /// The same at every place of a march from `a` to `b`.
     fn march_single(&mut self, segment: &Segment<'_>, medium: &Medium, marcher: &Marcher, (a, b): (f64, f64)) {
         let eye = self.eye;
-        if !medium.scatters() || !eye.may_go_on(self.path.events) {
-            return;
-        }
         let (ray, weight) = (segment.ray, self.path.weight);
         let stretch = Stretch::new(segment, medium, weight);
         let places = |t: f64| {
