@@ -224,6 +224,16 @@ fn the_page_says_what_the_results_say() {
         assert!(page.contains(text), "{text}");
     }
 
+    // Side by side: the reference, and the variants above their errors, of which most are not 0.
+    let overview = image::read(folder.path().join("overview.png")).unwrap().image;
+    assert_eq!((overview.width, overview.height), (5 * (WIDTH + 2) - 2, 2 * (HEIGHT + 2) - 2));
+    let coloured = |column: usize| {
+        let pixels = (0..WIDTH * HEIGHT).map(|i| (column * (WIDTH + 2) + i % WIDTH, HEIGHT + 2 + i / WIDTH));
+        pixels.filter(|&(x, y)| overview.get(x, y).iter().any(|&value| value < 0.9)).count()
+    };
+    assert_eq!(coloured(0), 0);
+    assert!((1..5).all(|column| coloured(column) > WIDTH * HEIGHT / 4), "{:?}", (1..5).map(coloured).collect::<Vec<_>>());
+
     // What users write stays text.
     assert!(page.contains("Fog &amp; &lt;b&gt;&quot;light&quot;&lt;/b&gt;") && page.contains("a &lt;warning&gt;"));
     assert!(page.contains("# &lt;/pre&gt;&lt;/script&gt;&lt;script&gt;alert(1)"));

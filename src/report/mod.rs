@@ -1,7 +1,7 @@
 //! A comparison as a page: tables, plots and pictures of what [`compare`](crate::compare) found.
 //!
-//! [`write()`] reads the images that [`Results`] names and writes `index.html`, `curve.svg` and a folder `pictures`
-//! beside them. The page needs nothing else: it can be opened from a disk, without a network.
+//! [`write()`] reads the images that [`Results`] names and writes `index.html`, `curve.svg`, `overview.png` and a
+//! folder `pictures` beside them. The page needs nothing else: it can be opened from a disk, without a network.
 
 mod analysis;
 mod number;
@@ -16,8 +16,8 @@ use crate::Result;
 use crate::compare::Results;
 use crate::image::write_aside;
 
-/// Writes the report of `results` into their folder `dir`: `index.html`; `curve.svg`, error against time; and in
-/// `pictures` PNG files of all images, exposed alike, and of their differences from the reference.
+/// Writes the report of `results` into their folder `dir`: `index.html`; `curve.svg`, error against time;
+/// `overview.png`, the variants side by side; and in `pictures` PNG files of all images, exposed alike, and of their differences from the reference.
 ///
 /// Errors: [`Error::Asset`](crate::Error::Asset) for images that are missing or of another size,
 /// [`Error::Output`](crate::Error::Output) for what cannot be written.

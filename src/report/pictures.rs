@@ -83,6 +83,12 @@ struct Judged {
     errors: Option<Vec<f64>>,
 }
 
+/// All images side by side, in the folder of the report.
+const OVERVIEW: &str = "overview.png";
+
+/// White pixels between the images of an overview.
+const GAP: usize = 2;
+
 /// Draws all pictures into the folder of the report.
 ///
 /// Errors: [`Error::Asset`] for images that are missing or of another size, [`Error::Output`].
@@ -121,6 +127,8 @@ pub fn draw(results: &Results, dir: &Path) -> Result<Pictures> {
         range: range_of(last.iter().flatten().flat_map(|(_, judged)| judged.errors.iter().flatten().copied())),
     };
 
+    let columns: Vec<_> = last.iter().flatten().map(|(_, judged)| (&judged.image, judged.errors.as_deref())).collect();
+    artist.overview(common.as_ref(), &columns, reader.width, reader.height)?;
     let reference = common.as_ref().map(|image| artist.image(image, "reference")).transpose()?;
     let mut variants = Vec::new();
     for (v, variant) in results.variants.iter().enumerate() {
@@ -297,8 +305,40 @@ impl Artist<'_> {
     }
 
     fn errors(&self, errors: &[f64], width: usize, stem: &str) -> Result<String> {
-        let pixels: Vec<_> = errors.iter().map(|error| Palette::Diverging.colour(error / self.range)).collect();
-        self.write(&pixels, width, stem)
+        self.write(&self.coloured(errors), width, stem)
+    }
+
+    fn coloured(&self, errors: &[f64]) -> Vec<[u8; 3]> {
+        errors.iter().map(|error| Palette::Diverging.colour(error / self.range)).collect()
+    }
+
+    /// The reference and the variants' images beside each other, and below each image its signed errors.
+    fn overview(
+        &self,
+        reference: Option<&Image>,
+        columns: &[(&Image, Option<&[f64]>)],
+        width: usize,
+        height: usize,
+    ) -> Result<()> {
+        let columns: Vec<_> = reference.map(|image| (image, None)).into_iter().chain(columns.iter().copied()).collect();
+        let rows = if columns.iter().any(|(_, errors)| errors.is_some()) { 2 } else { 1 };
+        if columns.is_empty() {
+            return Ok(());
+        }
+        let across = columns.len() * (width + GAP) - GAP;
+        let mut pixels = vec![[255; 3]; across * (rows * (height + GAP) - GAP)];
+        let mut place = |part: &[[u8; 3]], column: usize, row: usize| {
+            for (y, line) in part.chunks_exact(width).enumerate() {
+                pixels[(row * (height + GAP) + y) * across + column * (width + GAP)..][..width].copy_from_slice(line);
+            }
+        };
+        for (column, (image, errors)) in columns.into_iter().enumerate() {
+            place(&tone_map(image, &self.tone), column, 0);
+            if let Some(errors) = errors {
+                place(&self.coloured(errors), column, 1);
+            }
+        }
+        write_pixels(self.dir.join(OVERVIEW), &pixels, across)
     }
 
     fn measure(&self, image: &Image, mean: Option<&Image>, reference: Option<&Image>, stem: &str) -> Result<Shown> {
