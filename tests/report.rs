@@ -232,7 +232,11 @@ fn the_page_says_what_the_results_say() {
         pixels.filter(|&(x, y)| overview.get(x, y).iter().any(|&value| value < 0.9)).count()
     };
     assert_eq!(coloured(0), 0);
-    assert!((1..5).all(|column| coloured(column) > WIDTH * HEIGHT / 4), "{:?}", (1..5).map(coloured).collect::<Vec<_>>());
+    assert!(
+        (1..5).all(|column| coloured(column) > WIDTH * HEIGHT / 4),
+        "{:?}",
+        (1..5).map(coloured).collect::<Vec<_>>()
+    );
 
     // What users write stays text.
     assert!(page.contains("Fog &amp; &lt;b&gt;&quot;light&quot;&lt;/b&gt;") && page.contains("a &lt;warning&gt;"));

@@ -1,3 +1,4 @@
+use super::facing::Facing;
 use super::placed::Face;
 use super::tree::Tree;
 use crate::math::{Bounds, DVec3, Ray, Vec3};
@@ -5,6 +6,7 @@ use crate::{Error, Result};
 use glam::Vec2;
 use smallvec::SmallVec;
 use std::collections::HashMap;
+use std::sync::OnceLock;
 
 /// Triangles; closed if, vertices at one position taken as one, every edge is shared by exactly two
 /// oppositely wound triangles. Out is then away from the enclosed volume, whatever the winding in the
@@ -21,6 +23,8 @@ pub struct Mesh {
     /// Sums of areas up to and with each triangle.
     areas: Vec<f64>,
     tree: Tree,
+    /// Made when walls are first looked for.
+    facing: OnceLock<Vec<Facing>>,
     bounds: Bounds,
     closed: bool,
     volume: f64,
@@ -46,6 +50,22 @@ const MOST_WAYS: usize = 6;
 
 /// More triangles than this overflow the hierarchy's indices.
 pub(super) const MAX_TRIANGLES: usize = 200_000_000;
+
+/// A triangle near a point.
+#[derive(Clone, Copy)]
+struct Way {
+    distance: f64,
+    triangle: u32,
+    on: DVec3,
+    normal: DVec3,
+}
+
+/// Triangles near a point.
+struct Found {
+    nearest: Option<Way>,
+    /// Those that the point stands over, from near to far.
+    ways: SmallVec<[Way; 8]>,
+}
 
 impl Mesh {
     /// A mesh of `triangles`, indices into `positions`. With `smooth` the shading normals are the mean
@@ -139,6 +159,7 @@ impl Mesh {
             triangles,
             areas,
             tree,
+            facing: OnceLock::new(),
             bounds,
             closed,
             volume,
@@ -308,19 +329,25 @@ impl Mesh {
         nearest
     }
 
-    /// Calls `visit` with triangle, closest point and normal of triangles within `radius` of `p`: of those that face
-    /// the same way, of which there are hundreds around a point of a smooth surface, the nearest, and of the ways
-    /// the [`MOST_WAYS`] that have the nearest.
+    /// Calls `visit` with triangle, closest point and normal of triangles within `radius` of `p`: of the nearest, and of
+    /// those that `p` stands over, with its way to them as near to their normal as normals that are [`SAME_WAY`]. Of
+    /// those that face the same way the nearest is given, and of the ways the [`MOST_WAYS`] that have the nearest.
     pub(super) fn faces_near(&self, p: DVec3, radius: f64, visit: &mut impl FnMut(u32, DVec3, DVec3)) {
-        struct Way {
-            distance: f64,
-            triangle: u32,
-            on: DVec3,
-            normal: DVec3,
-        }
-        let mut ways: SmallVec<[Way; 8]> = SmallVec::new();
-        let mut limit = radius;
-        self.tree.near(p, radius, |i| {
+        let facing = self.facing.get_or_init(|| Facing::of(&self.tree, |i| self.normal(i)));
+        let q = self.tree.in_cube(p);
+        let over = [(1.0 - SAME_WAY * SAME_WAY).sqrt() as f32, SAME_WAY as f32];
+        let mut found = Found { nearest: None, ways: SmallVec::new() };
+        let enter = |node: u32, distance: f64, Found { nearest, ways }: &Found| {
+            let facing = &facing[node as usize];
+            let hides = |way: &Way| way.distance <= distance && facing.is_along(way.normal.as_vec3(), over);
+            nearest.is_none_or(|nearest| distance < nearest.distance)
+                || facing.may_face(q, over) && !ways.iter().any(hides)
+        };
+        self.tree.near_where(p, radius, &mut found, enter, |i, Found { nearest, ways }| {
+            let limit = match ways.get(MOST_WAYS - 1) {
+                Some(last) => last.distance,
+                None => radius,
+            };
             let corners @ [a, b, c] = self.corners(i);
             let cross = (b - a).cross(c - a);
             let (above, size2) = ((p - a).dot(cross), cross.length_squared());
@@ -328,26 +355,38 @@ impl Mesh {
                 let cos = cross.dot(way.normal);
                 cos > 0.0 && cos * cos > SAME_WAY * SAME_WAY * size2
             };
-            // Not nearer than its plane.
-            let hidden = |way: &Way| above * above >= way.distance * way.distance * size2 && same(way);
-            if above * above > limit * limit * size2 || ways.iter().any(hidden) {
+            // A triangle is not nearer than its plane, and along that no nearer than a corner less the longer edge there.
+            let apart2 = if size2 > 0.0 { above * above / size2 } else { 0.0 };
+            let along = ((p - a).length_squared() - apart2).max(0.0).sqrt();
+            let edge = (b - a).length_squared().max((c - a).length_squared()).sqrt();
+            let least2 = apart2 + (along - edge).max(0.0).powi(2);
+            let behind = |way: &Way| least2 >= way.distance * way.distance;
+            if least2 > limit * limit
+                || nearest.is_some_and(|way| behind(&way)) && ways.iter().any(|way| behind(way) && same(way))
+            {
                 return limit;
             }
             let on = Face::Triangle(corners).closest(p);
             let way = Way { distance: on.distance(p), triangle: i, on, normal: cross.normalize_or(DVec3::Y) };
-            if way.distance > limit || ways.iter().any(|other| other.distance <= way.distance && same(other)) {
+            if way.distance > limit {
+                return limit;
+            }
+            if nearest.is_none_or(|nearest| way.distance < nearest.distance) {
+                *nearest = Some(way);
+            }
+            let over = size2 > 0.0 && above * above >= (SAME_WAY * way.distance).powi(2) * size2;
+            if !over || ways.iter().any(|other| other.distance <= way.distance && same(other)) {
                 return limit;
             }
             ways.retain(|other| !same(other));
             let place = ways.partition_point(|other| other.distance <= way.distance);
             ways.insert(place, way);
             ways.truncate(MOST_WAYS);
-            if let (MOST_WAYS, Some(last)) = (ways.len(), ways.last()) {
-                limit = last.distance;
-            }
-            limit
+            if let (MOST_WAYS, Some(last)) = (ways.len(), ways.last()) { last.distance } else { limit }
         });
-        ways.iter().for_each(|way| visit(way.triangle, way.on, way.normal));
+        let Found { nearest, ways } = found;
+        let alone = nearest.filter(|nearest| ways.iter().all(|way| way.triangle != nearest.triangle));
+        alone.iter().chain(&ways).for_each(|way| visit(way.triangle, way.on, way.normal));
     }
 
     /// The triangles whose boxes overlap `query`, and a few more.

@@ -15,6 +15,7 @@ mod cuboid;
 mod cylinder;
 mod disk;
 mod ellipsoid;
+mod facing;
 mod lathe;
 mod mesh;
 mod obj;
@@ -308,12 +309,12 @@ impl Geometry {
         nearest
     }
 
-    /// Calls `visit` with the closest point of every face within `radius` of `p`: spheres, quads, disks
-    /// and cylinders' sides and caps have one, boxes six, lathes one a piece, meshes one a triangle, of which those of one
-    /// lathe or mesh that face the same way (to 18 degrees) are merged into the nearest, six of a mesh at most, and whose normals lean towards `p` over edges
-    /// that turn less. So the corner of a room gives
-    /// three planes. Exact, except for a point inside a sphere stretched unequally, where it may be
-    /// the closest only of its neighbourhood.
+    /// Calls `visit` with the closest point of every face within `radius` of `p`: spheres, quads, disks and cylinders'
+    /// sides and caps have one, boxes six, lathes one a piece; meshes their nearest triangle, and of those that `p` stands
+    /// over (to 18 degrees) at most six. Faces of one lathe or mesh that face the same way (to 18 degrees) are merged into
+    /// the nearest, and their normals lean towards `p` over edges that turn less. So the corner of a room gives three
+    /// planes. Exact, except for a point inside a sphere stretched unequally, where it may be the closest only of its
+    /// neighbourhood.
     pub fn nearest_surfaces(&self, p: DVec3, radius: f64, mut visit: impl FnMut(Near)) {
         let around = Bounds { min: p - radius, max: p + radius };
         let mut merged: SmallVec<[Near; 16]> = SmallVec::new();
@@ -966,6 +967,43 @@ mod tests {
                 assert_eq!(geometry.clearance(p, 0.5 * nearest), 0.5 * nearest);
             }
         });
+    }
+
+    /// Parts of a mesh that a search passes by hold no wall: on a ball with waves of many directions and sizes.
+    #[test]
+    fn walls_of_a_mesh_are_all_found() {
+        let (mut positions, triangles) = icosphere_parts(4);
+        for p in &mut positions {
+            *p *= 1.0 + 0.15 * (9.0 * p.x).sin() * (7.0 * p.y).cos() + 0.02 * (40.0 * p.z).sin();
+        }
+        let mesh = Mesh::new(positions, triangles, false).unwrap();
+        let mut r = random(11);
+        let mut walls = 0;
+        for _ in 0..2000 {
+            let (p, radius) = (1.3 * in_cube(&mut r), 0.6 * r.uniform());
+            let all: Vec<(f64, DVec3, bool)> = (0..mesh.triangle_count() as u32)
+                .map(|i| {
+                    let way = p - placed::Face::Triangle(mesh.corners(i)).closest(p);
+                    let distance = way.length();
+                    (distance, mesh.normal(i), way.dot(mesh.normal(i)).abs() >= mesh::SAME_WAY * distance)
+                })
+                .filter(|&(distance, ..)| distance <= radius)
+                .collect();
+            let mut found = Vec::new();
+            mesh.faces_near(p, radius, &mut |_, on, normal| found.push((on.distance(p), normal)));
+            let nearest = |distances: &mut dyn Iterator<Item = f64>| distances.fold(f64::INFINITY, f64::min);
+            assert_eq!(nearest(&mut found.iter().map(|f| f.0)), nearest(&mut all.iter().map(|f| f.0)));
+            if found.len() >= 6 {
+                continue;
+            }
+            for (distance, normal, _) in all.iter().filter(|&&(_, _, over)| over) {
+                // What hid it may have been hidden itself, by one that faces up to twice as far away.
+                let hides = |f: &&(f64, DVec3)| f.0 <= *distance && f.1.dot(*normal) > 0.8;
+                assert!(found.iter().any(|f| hides(&f)), "{distance} from {p}, of {found:?}");
+                walls += 1;
+            }
+        }
+        assert!(walls > 1000, "{walls}");
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! A hierarchy of boxes for finding what a ray or a box meets.
 
-use crate::math::{Bounds, DVec3, Ray};
+use crate::math::{Bounds, DVec3, Ray, Vec3};
 use glam::{UVec2, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
@@ -125,39 +125,91 @@ impl Tree {
 
     /// Calls `visit` for boxes within `limit` of `p`, roughly from near to far, with their places in
     /// [`Tree::order`]. `visit` returns the new `limit`.
-    pub fn near(&self, p: DVec3, mut limit: f64, mut visit: impl FnMut(u32) -> f64) {
+    pub fn near(&self, p: DVec3, limit: f64, mut visit: impl FnMut(u32) -> f64) {
+        self.near_where(p, limit, &mut (), |_, _, ()| true, |index, ()| visit(index));
+    }
+
+    /// As [`Tree::near`], and passes by nodes that `enter` refuses, given a node and how far it is at least.
+    pub fn near_where<S>(
+        &self,
+        p: DVec3,
+        mut limit: f64,
+        state: &mut S,
+        enter: impl Fn(u32, f64, &S) -> bool,
+        mut visit: impl FnMut(u32, &mut S) -> f64,
+    ) {
         if self.nodes.nodes.is_empty() {
             return;
         }
-        let q = (p - self.center) * self.scale;
-        let reach = |limit: f64| (limit * self.scale) * (1.0 + 1e-6);
-        let mut pending: SmallVec<[(f64, u32); 32]> = SmallVec::new();
+        let q = self.in_cube(p);
+        // Squared, and longer by what rounding may do to distances.
+        let reach2 = |limit: f64| ((limit * self.scale) * (1.0 + 1e-5) + 1e-6).powi(2) as f32;
+        let mut most = reach2(limit);
+        let mut pending: SmallVec<[(f32, u32); 32]> = SmallVec::new();
         pending.push((0.0, 0));
-        while let Some((distance, node)) = pending.pop() {
-            if distance > reach(limit) {
+        while let Some((distance2, index)) = pending.pop() {
+            let distance = (f64::from(distance2).sqrt() * (1.0 - 1e-5) - 1e-6) / self.scale;
+            if distance2 > most || !enter(index, distance.max(0.0), state) {
                 continue;
             }
-            let node = &self.nodes.nodes[node as usize];
+            let node = &self.nodes.nodes[index as usize];
             let before = pending.len();
-            for child in (0..8).filter(|&child| !node.is_child_empty(child)) {
-                let around = node.child_aabb(child);
-                let (min, max) = (around.min.as_dvec3(), around.max.as_dvec3());
-                let distance = q.distance(q.max(min).min(max));
-                if distance > reach(limit) {
+            for (child, distance2) in distances2(node, q).into_iter().enumerate() {
+                if distance2 > most || node.is_child_empty(child) {
                     continue;
                 }
                 if node.is_leaf(child) {
                     let (first, count) = node.child_primitives(child);
                     for index in first..first + count {
-                        limit = visit(index);
+                        limit = visit(index, state);
                     }
+                    most = reach2(limit);
                 } else {
-                    pending.push((distance, node.child_node_index(child)));
+                    pending.push((distance2, node.child_node_index(child)));
                 }
             }
             // The nearest comes last: it is the next.
             pending[before..].sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
         }
+    }
+
+    /// Where `p` is in the cube that all boxes lie in.
+    pub fn in_cube(&self, p: DVec3) -> Vec3 {
+        ((p - self.center) * self.scale).as_vec3()
+    }
+
+    /// What `merge` makes of what each node's children are, given the box around them in the cube; `leaf` says what a box
+    /// is, by its place in [`Tree::order`]. By node.
+    pub fn gathered<T: Copy>(&self, leaf: impl Fn(u32) -> T, merge: impl Fn(&Aabb, &[T]) -> T) -> Vec<T> {
+        let nodes = &self.nodes.nodes;
+        let children = |index: usize| (0..8).filter(move |&child| !nodes[index].is_child_empty(child));
+        // Parents come before their children.
+        let mut order = Vec::with_capacity(nodes.len());
+        order.extend((!nodes.is_empty()).then_some(0));
+        let mut next = 0;
+        while let Some(&index) = order.get(next) {
+            let inner = children(index).filter(|&child| !nodes[index].is_leaf(child));
+            order.extend(inner.map(|child| nodes[index].child_node_index(child) as usize));
+            next += 1;
+        }
+        let mut found: Vec<Option<T>> = vec![None; nodes.len()];
+        let mut parts: SmallVec<[T; 24]> = SmallVec::new();
+        for &index in order.iter().rev() {
+            let node = &nodes[index];
+            let mut around = Aabb::empty();
+            parts.clear();
+            for child in children(index) {
+                around = around.union(&node.child_aabb(child));
+                if node.is_leaf(child) {
+                    let (first, count) = node.child_primitives(child);
+                    parts.extend((first..first + count).map(&leaf));
+                } else {
+                    parts.extend(found[node.child_node_index(child) as usize]);
+                }
+            }
+            found[index] = Some(merge(&around, &parts));
+        }
+        found.into_iter().flatten().collect()
     }
 
     /// The traversal of Ylitie et al. 2017, section 4.2. `test` gives the mask of a node's children to
@@ -203,6 +255,26 @@ impl Tree {
             }
         }
     }
+}
+
+/// Squared distances of `q` from the boxes of a node's children, if there are any.
+#[inline]
+fn distances2(node: &CwBvhNode, q: Vec3) -> [f32; 8] {
+    let extent = node.compute_extent();
+    let axes = [
+        (node.p.x, extent.x, &node.child_min_x, &node.child_max_x),
+        (node.p.y, extent.y, &node.child_min_y, &node.child_max_y),
+        (node.p.z, extent.z, &node.child_min_z, &node.child_max_z),
+    ];
+    let mut sums = [0.0; 8];
+    for ((p, extent, low, high), q) in axes.into_iter().zip(q.to_array()) {
+        for child in 0..8 {
+            let (low, high) = (p + f32::from(low[child]) * extent, p + f32::from(high[child]) * extent);
+            let apart = (low - q).max(q - high).max(0.0);
+            sums[child] += apart * apart;
+        }
+    }
+    sums
 }
 
 /// A binary tree by the surface area heuristic over bins (Wald 2007, "On fast construction of SAH-based
