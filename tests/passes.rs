@@ -246,7 +246,7 @@ fn short_memory_makes_more_passes_of_one() {
     // One radius for all is stored once.
     let [fixed, variable] = ["fixed", "variable"].map(|kernel| {
         let work = Work::new(&["film.layers=false", &format!("volume.kernel={kernel}")]);
-        limits(1 << 30).parts(&work.scene, 100_000_000).unwrap()
+        limits(1 << 30).parts(&work.scene, 1_000_000_000).unwrap()
     });
     assert!(fixed < variable, "{fixed} and {variable} parts");
     let refused = limits(1 << 20).parts(&work.scene, 1_000_000).unwrap_err().to_string();

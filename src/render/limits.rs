@@ -34,7 +34,7 @@ const SUB_PASSES: u32 = 8;
 /// The most bytes that a photon takes, be it as traced, in a map, or while that is built; measured in fog without walls.
 const PHOTON_BYTES: u64 = 48;
 /// What is added by radii that are looked for.
-const RADIUS_BYTES: u64 = 12;
+const RADIUS_BYTES: u64 = 8;
 /// What is added by walls around all of them.
 const WALL_BYTES: u64 = 48;
 /// What the program takes without film, photons and densities.
