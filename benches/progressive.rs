@@ -1,7 +1,7 @@
 //! How fast the error of passes falls with the number of photons: noise and blur together.
 //!
 //! A smooth cloud in parallel light, against the path tracer. Writes RMSE, as a share of the mean, by
-//! photons, and the slope of its logarithm: −1/3 for beams.
+//! photons, and the slope of its logarithm: −1/3 for beams, −2/7 for points.
 
 use std::sync::Mutex;
 use std::sync::atomic::AtomicBool;
@@ -118,11 +118,18 @@ fn main() {
         .collect();
     let level = references[0].mean();
 
-    for (name, extra) in [("fixed", "volume.radius=0.25"), ("variable", "volume.neighbours=60")] {
+    let (fixed, variable) = ("volume.radius=0.25", "volume.neighbours=60");
+    for (estimate, name, extra) in [
+        ("beam", "fixed", fixed),
+        ("beam", "variable", variable),
+        ("point", "fixed", fixed),
+        ("point", "knn", variable),
+    ] {
         let albums: Vec<Vec<(u64, Image)>> = (1..=SEEDS)
             .into_par_iter()
             .map(|seed| {
                 let set = [
+                    format!("volume.estimate={estimate}"),
                     format!("volume.kernel={name}"),
                     extra.to_string(),
                     "volume.max_radius=10".to_string(),
@@ -133,7 +140,7 @@ fn main() {
                 render(folder.path(), passes, &set)
             })
             .collect();
-        println!("{name} radii, {extra}: photons, RMSE, of it blur, as shares of the mean {level:.4}");
+        println!("{estimate}s, {name} radii, {extra}: photons, RMSE, of it blur, as shares of the mean {level:.4}");
         let mut points = Vec::new();
         for step in 0..albums[0].len() {
             let images: Vec<&Image> = albums.iter().map(|album| &album[step].1).collect();

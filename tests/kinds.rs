@@ -1,4 +1,5 @@
-//! Kinds of media that need a scene around them: glows that light their surroundings, noise, droplets.
+//! Kinds of media that need a scene around them: glows that light their surroundings, noise, droplets; and a grid that
+//! holds one number.
 
 use std::f64::consts::PI;
 
@@ -6,6 +7,7 @@ use volpm::image::Image;
 use volpm::math::random::{Purpose, Stream};
 use volpm::math::{Bounds, DVec3, Ray, Rgb};
 
+use crate::point_queries::{block, grey};
 use crate::support::{Checks, Estimate, images, scene};
 
 const FILM: &str = "[film]\nwidth = 12\nheight = 12\nlayers = false\n";
@@ -203,5 +205,44 @@ radius = 0.4
     let photon = images(16, &text, &["render.method=photon", "render.samples=36", "photons.volume=200_000"]);
     let mean = |images: &[Image]| Estimate::over(images, |image| [image.mean(); 3]);
     checks.agree("droplets", &mean(&photon), &mean(&path), 0.01, 0.01);
+    checks.finish();
+}
+
+/// A grid that holds one number is a homogeneous medium to every way of gathering its light.
+#[test]
+fn a_grid_of_one_number_is_a_homogeneous_medium() {
+    let mut checks = Checks::default();
+    let grid =
+        "density = { type = \"array\", file = \"beam/constant.npy\", min = [-1, -0.8, -0.8], max = [1, 0.8, 0.8] }";
+    let glass = |text: String| {
+        text.replace("interior = \"fog\"", "interior = \"fog\"\nmaterial = \"glass\"")
+            + "[materials.glass]\ntype = \"dielectric\"\nior = 1.3\n"
+    };
+    let [fixed, variable] = ["fixed", "variable"].map(|kernel| format!("volume.kernel={kernel}"));
+    let [uniform, adaptive, exponential] =
+        ["uniform", "adaptive", "exponential"].map(|step| format!("volume.march.step={step}"));
+    let (beam, size) = ("volume.estimate=beam", "volume.march.size=0.2");
+    let [traced, approximate] = ["traced", "approximate"].map(|mode| format!("volume.single_scattering={mode}"));
+    let rows: [(&str, bool, &[&str]); 11] = [
+        ("path", false, &["render.method=path", "render.samples=200"]),
+        ("beam, fixed", false, &[beam, &fixed]),
+        ("beam, variable", false, &[beam, &variable]),
+        ("point, uniform", false, &[&fixed, &uniform, size]),
+        ("point, adaptive", false, &[&variable, &adaptive, size]),
+        ("point, exponential", false, &[&variable, &exponential, size]),
+        ("traced", false, &[beam, &traced]),
+        ("traced, uniform", false, &[beam, &traced, &uniform, size]),
+        ("traced, adaptive", false, &[beam, &traced, &adaptive, size]),
+        ("traced, exponential", false, &[beam, &traced, &exponential, size]),
+        ("approximate, through glass", true, &[beam, &approximate]),
+    ];
+    for (name, refracts, set) in rows {
+        let set = [&["render.samples=16", "photons.volume=30_000"], set].concat();
+        let [plain, voxels] = ["", grid].map(|density| {
+            let text = block(density);
+            grey(&images(8, &if refracts { glass(text) } else { text }, &set))
+        });
+        checks.agree(name, &voxels, &plain, 0.01, 0.0);
+    }
     checks.finish();
 }

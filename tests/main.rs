@@ -21,3 +21,4 @@ mod slab;
 mod stress;
 mod subsurface;
 mod vdb;
+mod walls;

@@ -243,6 +243,12 @@ fn short_memory_makes_more_passes_of_one() {
     assert_eq!(limits(1 << 30).parts(&work.scene, 1_000_000).unwrap(), 1);
     let parts = limits(100 << 20).parts(&work.scene, 1_000_000).unwrap();
     assert!((2..20).contains(&parts), "{parts} parts");
+    // One radius for all is stored once.
+    let [fixed, variable] = ["fixed", "variable"].map(|kernel| {
+        let work = Work::new(&["film.layers=false", &format!("volume.kernel={kernel}")]);
+        limits(1 << 30).parts(&work.scene, 1_000_000_000).unwrap()
+    });
+    assert!(fixed < variable, "{fixed} and {variable} parts");
     let refused = limits(1 << 20).parts(&work.scene, 1_000_000).unwrap_err().to_string();
     assert!(refused.contains("are not enough") && refused.contains("allow"), "{refused}");
     // What it says would do does.

@@ -8,7 +8,7 @@ use crate::math::{DVec3, Frame, Vec3};
 use crate::photon::discs::{LEAF, STACK};
 use crate::photon::kernel::Profile;
 use crate::photon::map::{PhotonMap, WallLayer};
-use crate::photon::simd::{LANES, Lanes, Row, Task, at_most, dot_plus, load3, prefetch, splat3};
+use crate::photon::simd::{LANES, Lanes, Row, Task, at_most, dot_plus, load3, splat3};
 use std::f64::consts::LOG2_E;
 
 /// A segment of a ray from the eye through one medium.
@@ -291,12 +291,12 @@ pub(super) fn add_block<L: Lanes>(
     found: &mut Found<L>,
     stats: &mut GatherStats,
 ) {
-    let block = &map.blocks[index];
-    let x = load3::<L>(&block.position);
+    let block = map.blocks.get(index);
+    let x = load3::<L>(block.position);
     let t = dot_plus(&x, &ray.omega, ray.offset[0]);
     let a = dot_plus(&x, &ray.u, ray.offset[1]);
     let b = dot_plus(&x, &ray.v, ray.offset[2]);
-    let inverse_square = L::load(&block.inverse_square);
+    let inverse_square = L::load(block.inverse_square);
     let mut q = a.mul_add(a, b.mul(b)).neg_mul_add(inverse_square, L::splat(1.0));
     let zero = L::splat(0.0);
     let mut t = t;
@@ -316,7 +316,7 @@ pub(super) fn add_block<L: Lanes>(
     }
     let [c0, c1, c2] = map.shape;
     let shape = q.mul_add(q.mul_add(L::splat(c2), L::splat(c1)), L::splat(c0));
-    let mut factor = shape.mul(phase.values(&load3::<L>(&block.direction)));
+    let mut factor = shape.mul(phase.values(&load3::<L>(block.direction)));
     if let Some(disc) = &leaning {
         factor = factor.mul(disc.stretch);
     }
@@ -337,7 +337,7 @@ pub(super) fn add_block<L: Lanes>(
     }
     stats.photons += u64::from(bits.count_ones());
     let weights = transmittance.weigh(factor, t, bits, pruning);
-    let power = load3::<L>(&block.power);
+    let power = load3::<L>(block.power);
     for channel in 0..3 {
         found.total[channel] = weights[channel].keep(mask).mul_add(power[channel], found.total[channel]);
     }
@@ -412,7 +412,7 @@ impl<P: Evaluate, T: Transmit> Task for Gather<'_, P, T> {
             stats.blocks += listed as u64;
             let mut found = Found::<L>::none();
             for i in 0..listed {
-                prefetch(&map.blocks[(list[(i + AHEAD).min(listed - 1)] & !LEAF) as usize]);
+                map.blocks.prefetch((list[(i + AHEAD).min(listed - 1)] & !LEAF) as usize);
                 let index = (list[i] & !LEAF) as usize;
                 add_block(map, index, &ray, &phase, &transmittance, limits, &mut found, stats);
             }
@@ -976,16 +976,8 @@ mod tests {
             let map = PhotonMap::build((0..COUNT).map(photon).collect(), &MapSettings::new(radius), &room);
             let plain = MapSettings { boundaries: false, ..MapSettings::new(radius) };
             let density = 1e-3 * COUNT as f64 / 8.0;
-            let mut photons = Vec::new();
-            for block in &map.blocks {
-                for lane in 0..LANES {
-                    let position = Vec3::from(block.position.each_ref().map(|row| row.0[lane]));
-                    if position.is_finite() {
-                        photons.push(Photon { position, direction: Vec3::Y, power: Vec3::splat(1e-3), events: 0 });
-                    }
-                }
-            }
-            let uncorrected = PhotonMap::build(photons, &plain, &no_walls);
+            let photons = map.discs().map(|disc| Photon { power: Vec3::splat(1e-3), ..disc.photon });
+            let uncorrected = PhotonMap::build(photons.collect(), &plain, &no_walls);
             let r = f64::from(map.radii().mean);
             let oblique = DVec3::new(1.0, 1.0, 0.0).normalize();
             let near = 0.3 * r - 1.0;

@@ -22,7 +22,7 @@ use crate::math::{DVec3, Frame, Ray, Vec3};
 use crate::photon::discs::{LEAF, STACK};
 use crate::photon::kernel::{Profile, inverse_biweight_share};
 use crate::photon::map::PhotonMap;
-use crate::photon::simd::{LANES, Lanes, Row, Task, at_most, dot_plus, load3, prefetch, splat3};
+use crate::photon::simd::{LANES, Lanes, Row, Task, at_most, dot_plus, load3, splat3};
 
 /// Rays that gather together: in one medium, from one map.
 #[derive(Clone, Copy, Debug)]
@@ -732,11 +732,11 @@ impl<F: FnMut(usize, &mut Near)> Task for Collect<'_, F> {
                 let index = (node.children[blocks.trailing_zeros() as usize] & !LEAF) as usize;
                 blocks &= blocks - 1;
                 if blocks != 0 {
-                    prefetch(&map.blocks[(node.children[blocks.trailing_zeros() as usize] & !LEAF) as usize]);
+                    map.blocks.prefetch((node.children[blocks.trailing_zeros() as usize] & !LEAF) as usize);
                 }
-                let block = &map.blocks[index];
-                let x = load3(&block.position);
-                let inverse_square = L::load(&block.inverse_square);
+                let block = map.blocks.get(index);
+                let x = load3(block.position);
+                let inverse_square = L::load(block.inverse_square);
                 let mut bits = cone.meets(&x, inverse_square.rsqrt());
                 let mut first_events = 0;
                 if let Some(events) = map.events.get(index) {

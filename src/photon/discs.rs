@@ -2,7 +2,7 @@
 //! collapsed into one node of at most sixteen children, each bounded by a sphere and by a box. Nodes
 //! of fewer children stand at the top, where there is only one of them.
 
-use super::map::Block;
+use super::map::Blocks;
 use super::simd::{LANES, Row};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -71,11 +71,30 @@ pub(crate) struct Extent {
     pub block_sizes: f64,
 }
 
-/// Builds the tree over `blocks`. `radii` holds the discs' radii, sixteen a block; `None` bounds the
-/// positions alone. The root is the first node. No node if there is no block.
-pub(crate) fn build(blocks: &[Block], photons: usize, radii: Option<&[f32]>) -> (Vec<Node>, Extent) {
+/// Radii of discs.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Widths<'a> {
+    /// The same for all; 0 to bound positions alone.
+    Same(f32),
+    /// One each, sixteen a block.
+    Own(&'a [f32]),
+}
+
+impl Widths<'_> {
+    /// That of photon `index`.
+    #[inline]
+    pub(crate) fn of(&self, index: usize) -> f32 {
+        match self {
+            Widths::Same(radius) => *radius,
+            Widths::Own(radii) => radii[index],
+        }
+    }
+}
+
+/// Builds the tree over `blocks`. The root is the first node. No node if there is no block.
+pub(crate) fn build(blocks: &Blocks, photons: usize, radii: Widths<'_>) -> (Vec<Node>, Extent) {
     let input = Input { blocks, photons, radii };
-    if blocks.is_empty() {
+    if blocks.len() == 0 {
         return (Vec::new(), Extent::around(Vec3::INFINITY, Vec3::NEG_INFINITY));
     }
     let mut nodes = vec![Node::EMPTY; node_count(blocks.len())];
@@ -89,9 +108,9 @@ pub(crate) fn photons_in(block: usize, photons: usize) -> usize {
 }
 
 struct Input<'a> {
-    blocks: &'a [Block],
+    blocks: &'a Blocks,
     photons: usize,
-    radii: Option<&'a [f32]>,
+    radii: Widths<'a>,
 }
 
 impl Extent {
@@ -169,9 +188,9 @@ impl Input<'_> {
 
     fn block(&self, index: usize) -> Extent {
         let count = photons_in(index, self.photons);
-        let position = &self.blocks[index].position;
+        let position = self.blocks.get(index).position;
         let at = |lane: usize| Vec3::new(position[0].0[lane], position[1].0[lane], position[2].0[lane]);
-        let disc = |lane: usize| self.radii.map_or(0.0, |radii| radii[index * LANES + lane]);
+        let disc = |lane: usize| self.radii.of(index * LANES + lane);
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         let (mut min, mut max) = (low, high);
         for lane in 0..count {

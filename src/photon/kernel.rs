@@ -83,6 +83,52 @@ impl Profile {
         };
         0.5 + s * beyond_centre
     }
+
+    /// The share of the ball's kernel that two planes leave, at distances `s ≥ 0` from its centre, in units of the
+    /// radius, the cosine between their normals being `cosine`: 1 less the parts beyond each, and again what is beyond
+    /// both.
+    pub fn ball_share_of_two(self, s: [f64; 2], cosine: f64) -> f64 {
+        let [a, b] = s.map(|s| s.clamp(0.0, 1.0));
+        let angle = cosine.clamp(-1.0, 1.0).acos();
+        // In the plane of both normals, directions from the first normal on: towards the planes' common line.
+        let edge = if a + b > 0.0 { f64::atan2(b - a * angle.cos(), a * angle.sin()) } else { 0.5 * angle };
+        let beyond_both = (self.ball_beyond(a, edge) + self.ball_beyond(b, angle - edge)) / (2.0 * PI);
+        (self.ball_share(a) + self.ball_share(b) - 1.0 + beyond_both).clamp(0.0, 1.0)
+    }
+
+    /// 2π times the share of the ball's kernel beyond a plane at a distance `a`, in directions of more than `from` away
+    /// from its normal, to one side, as projected along a line in that plane.
+    ///
+    /// The projection is ∝ (1 − ρ²)^{k + ½}, so this is ∫ (1 − a²/cos²u)^{k + 3/2} du from `from` on. With
+    /// sin u = c sin θ, c² = 1 − a², D = a² + c² cos²θ, it is ∫ (1 − a²/D)^{k + 2} dθ: a sum of the
+    /// Jₙ = ∫ (a²/D)ⁿ dθ up to π/2, of which J₀ and J₁ are known, and
+    /// 2n Jₙ₊₁ = (2n − 1)(1 + a²) Jₙ − (2n − 2) a² Jₙ₋₁ + (a²/D)ⁿ c² sin θ cos θ.
+    fn ball_beyond(self, a: f64, from: f64) -> f64 {
+        let binomials: &[f64] = match self {
+            Profile::Constant => &[1.0, -2.0, 1.0],
+            Profile::Epanechnikov => &[1.0, -3.0, 3.0, -1.0],
+            Profile::Biweight => &[1.0, -4.0, 6.0, -4.0, 1.0],
+        };
+        let (a2, c2) = (a * a, 1.0 - a * a);
+        if c2 <= 0.0 {
+            return 0.0;
+        }
+        let widest = a.acos();
+        let theta = (from.clamp(-widest, widest).sin() / c2.sqrt()).clamp(-1.0, 1.0).asin();
+        let (sin, cos) = theta.sin_cos();
+        let ratio = a2 / (a2 + c2 * cos * cos).max(f64::MIN_POSITIVE);
+        let (mut before, mut here) = (0.5 * PI - theta, a * (0.5 * PI - f64::atan2(a * sin, cos)));
+        let mut sum = binomials[0] * before + binomials[1] * here;
+        let mut power = 1.0;
+        for (n, binomial) in (1..).zip(&binomials[2..]) {
+            let n = f64::from(n);
+            power *= ratio;
+            let next = (2.0 * n - 1.0) * (1.0 + a2) * here - (2.0 * n - 2.0) * a2 * before + power * c2 * sin * cos;
+            (before, here) = (here, next / (2.0 * n));
+            sum += binomial * here;
+        }
+        sum
+    }
 }
 
 impl Profile {
@@ -246,6 +292,36 @@ mod tests {
             // The whole kernel.
             assert_eq!((profile.disc_share(7.0), profile.ball_share(7.0)), (1.0, 1.0));
             assert_eq!((profile.disc(1.0), profile.ball(1.0)), (0.0, 0.0));
+        }
+    }
+
+    #[test]
+    fn two_planes_leave_what_they_do_not_cut() {
+        for profile in ALL {
+            for a in [0.0, 1e-9, 0.2, 0.35, 0.7, 1.0] {
+                for b in [0.0, 0.2, 0.5, 0.9, 3.0] {
+                    for cosine in [-1.0, -0.8, 0.0, 0.5, 0.97, 1.0] {
+                        // Along the planes' common line the kernel is ∝ (1 − ρ²)^{k + ½}: by direction, its share
+                        // up to the nearer plane.
+                        let angle = f64::acos(cosine);
+                        let reach = |s: f64, u: f64| if u.cos() > 0.0 { s / u.cos() } else { f64::INFINITY };
+                        let (power, n) = (profile.disc_peak() * PI + 0.5, 20_000);
+                        let within = |i: i32| {
+                            let u = (f64::from(i) + 0.5) / f64::from(n) * 2.0 * PI;
+                            let rho = f64::min(reach(a, u), reach(b, u - angle)).min(1.0);
+                            1.0 - (1.0 - rho * rho).powf(power)
+                        };
+                        let expected = (0..n).map(within).sum::<f64>() / f64::from(n);
+                        let found = profile.ball_share_of_two([a, b], cosine);
+                        assert!(
+                            (found - expected).abs() < 1e-4,
+                            "{profile:?} {a} {b} {cosine}: {found} instead of {expected}"
+                        );
+                        let swapped = profile.ball_share_of_two([b, a], cosine);
+                        assert!((found - swapped).abs() < 1e-12, "{profile:?} {a} {b} {cosine}");
+                    }
+                }
+            }
         }
     }
 

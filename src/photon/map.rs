@@ -1,9 +1,9 @@
 //! The volume photon map: photons in blocks of sixteen, in the order of a median split.
 
-use super::discs::{self, Node, photons_in};
+use super::discs::{self, Node, Widths, photons_in};
 use super::kernel::Profile;
 use super::radii;
-use super::simd::{Isa, LANES, Row};
+use super::simd::{Isa, LANES, Row, prefetch_at};
 use crate::math::{Bounds, Vec3};
 use rayon::prelude::*;
 use smallvec::SmallVec;
@@ -93,24 +93,106 @@ pub struct Radii {
 }
 
 /// Sixteen photons. Lanes without one lie at infinity and have no power.
-#[derive(Clone, Debug, PartialEq)]
-#[repr(C, align(64))]
-pub(crate) struct Block {
-    pub position: [Row; 3],
-    /// 1/r².
-    pub inverse_square: Row,
-    pub direction: [Row; 3],
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Block<'a> {
+    pub position: &'a [Row; 3],
+    pub direction: &'a [Row; 3],
     /// K₂(0) · power/r².
-    pub power: [Row; 3],
+    pub power: &'a [Row; 3],
+    /// 1/r².
+    pub inverse_square: &'a Row,
 }
 
-impl Block {
-    const EMPTY: Block = Block {
-        position: [Row([f32::INFINITY; LANES]); 3],
-        inverse_square: Row([f32::INFINITY; LANES]),
-        direction: [Row([0.0; LANES]); 3],
-        power: [Row([0.0; LANES]); 3],
-    };
+/// Blocks of photons, the rows of each next to one another. A radius that all share is stored once.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Blocks {
+    /// 1/r² in front of each block, or of all; then position, direction and power of its photons.
+    rows: Vec<Row>,
+    /// How many blocks there are.
+    count: usize,
+    /// Rows from block to block.
+    stride: usize,
+    /// What counts of the place of a block's 1/r²: all of it, or nothing, which leaves the first row of all.
+    mask: usize,
+}
+
+/// Rows of a block besides 1/r².
+const ROWS: usize = 9;
+
+impl Blocks {
+    /// Takes photons in order, their powers multiplied by `gain`; and their events, if `tagged`. Without an
+    /// `inverse_square` of all, room is left for that of each.
+    fn new(photons: Vec<Photon>, inverse_square: Option<f32>, gain: f32, tagged: bool) -> (Self, Vec<[u8; LANES]>) {
+        let count = photons.len().div_ceil(LANES);
+        let stride = ROWS + usize::from(inverse_square.is_none());
+        let own = stride - ROWS;
+        let mut rows = Vec::with_capacity(1 + count * stride);
+        let mut events = Vec::with_capacity(if tagged { count } else { 0 });
+        rows.extend(inverse_square.map(|x| Row([x; LANES])));
+        for photons in pieces(photons) {
+            let from = rows.len();
+            rows.resize(from + photons.len().div_ceil(LANES) * stride, Row([0.0; LANES]));
+            let fill = |(rows, photons): (&mut [Row], &[Photon])| {
+                let rows = &mut rows[own..];
+                rows[..3].fill(Row([f32::INFINITY; LANES]));
+                for (lane, photon) in photons.iter().enumerate() {
+                    for axis in 0..3 {
+                        rows[axis].0[lane] = photon.position[axis];
+                        rows[3 + axis].0[lane] = photon.direction[axis];
+                        rows[6 + axis].0[lane] = gain * photon.power[axis];
+                    }
+                }
+            };
+            rows[from..].par_chunks_mut(stride).zip(photons.par_chunks(LANES)).for_each(fill);
+            if tagged {
+                events.par_extend(events_of(&photons));
+            }
+        }
+        (Blocks { rows, count, stride, mask: own.wrapping_neg() }, events)
+    }
+
+    /// Gives each photon its own 1/r², and multiplies its power by that and by `gain`.
+    fn spread(&mut self, photons: usize, radii: &[f32], gain: f32) {
+        let blocks = self.rows.par_chunks_mut(self.stride).zip(radii.par_chunks(LANES));
+        blocks.enumerate().for_each(|(index, (rows, radii))| {
+            rows[0] = Row([f32::INFINITY; LANES]);
+            for (lane, &r) in radii[..photons_in(index, photons)].iter().enumerate() {
+                rows[0].0[lane] = 1.0 / (r * r);
+                for power in &mut rows[1 + 6..] {
+                    power.0[lane] *= gain / (r * r);
+                }
+            }
+        });
+    }
+
+    /// How many there are.
+    #[inline(always)]
+    pub(crate) fn len(&self) -> usize {
+        self.count
+    }
+
+    /// Block `index`.
+    #[inline(always)]
+    pub(crate) fn get(&self, index: usize) -> Block<'_> {
+        assert!(index < self.count, "no such block");
+        let at = index * self.stride;
+        // SAFETY: block `count` − 1 ends with `rows`, and so this one does not end behind it: its 1/r² lies in front of
+        // its rows, or in front of all. Two checks instead of one would cost 3 % of a query.
+        let (rows, inverse_square) =
+            unsafe { (self.rows.get_unchecked(at + 1..at + 1 + ROWS), self.rows.get_unchecked(at & self.mask)) };
+        let (triples, _) = rows.as_chunks::<3>();
+        Block { position: &triples[0], direction: &triples[1], power: &triples[2], inverse_square }
+    }
+
+    /// Asks the processor to fetch block `index`.
+    #[inline(always)]
+    pub(crate) fn prefetch(&self, index: usize) {
+        prefetch_at::<[Row; 1 + ROWS]>(self.rows.as_ptr().wrapping_add(index * self.stride).cast());
+    }
+
+    fn bytes(&self) -> usize {
+        size_of_val(&*self.rows)
+    }
 }
 
 /// At most one wall for each photon of a block; lanes without one have `distance` ∞.
@@ -141,6 +223,9 @@ const MIN_RADIUS: f32 = 1e-12;
 /// Blocks that one task handles.
 const CHUNK: usize = 256;
 
+/// Chunks whose walls are looked for before those found are put together.
+const ROUND: usize = 64;
+
 /// Subsets of fewer photons are ordered by one thread.
 const PARALLEL_PHOTONS: usize = 8192;
 
@@ -150,10 +235,11 @@ const BOXES_BELOW: f64 = 0.5;
 
 /// Photons, their discs' radii, and a hierarchy over the discs.
 ///
-/// About 44 bytes a photon; one more if tagged, 16 to 48 more for those in blocks near walls.
+/// About 39 bytes a photon, 4 more if radii vary; one more if tagged, 16 to 48 more for those in blocks near walls.
+/// While it is built, 48 at most besides walls.
 #[derive(Clone, Debug)]
 pub struct PhotonMap {
-    pub(crate) blocks: Vec<Block>,
+    pub(crate) blocks: Blocks,
     /// Events of the photons, if tagged.
     pub(crate) events: Vec<[u8; LANES]>,
     pub(crate) nodes: Vec<Node>,
@@ -197,26 +283,32 @@ impl PhotonMap {
         let photons = storable(photons);
         let count = photons.len();
         let isa = Isa::best();
-        let mut blocks = ordered(&photons, settings.tagged);
-        let events = std::mem::take(&mut blocks.1);
-        let mut blocks = blocks.0;
-        drop(photons);
-
-        let radii = radii_of(isa, &blocks, count, settings);
         let peak = settings.profile.disc_peak() as f32;
-        blocks.par_iter_mut().zip(radii.par_chunks(LANES)).enumerate().for_each(|(index, (block, radii))| {
-            for (lane, &r) in radii[..photons_in(index, count)].iter().enumerate() {
-                block.inverse_square.0[lane] = 1.0 / (r * r);
-                for power in &mut block.power {
-                    power.0[lane] *= peak / (r * r);
-                }
+        let photons = ordered(photons);
+        let own;
+        let (blocks, events, radii) = match settings.radius {
+            Radius::Fixed(radius) => {
+                let r = (radius * settings.scale).max(MIN_RADIUS);
+                let square = 1.0 / (r * r);
+                let (blocks, events) = Blocks::new(photons, Some(square), peak * square, settings.tagged);
+                (blocks, events, Widths::Same(r))
             }
-        });
-        let (nodes, extent) = discs::build(&blocks, count, Some(&radii));
+            Radius::Variable { neighbours, pilot, max_radius } => {
+                let (mut blocks, events) = Blocks::new(photons, None, 1.0, settings.tagged);
+                own = radii_of(isa, &blocks, count, (neighbours, pilot), (max_radius, settings.scale));
+                blocks.spread(count, &own, peak);
+                (blocks, events, Widths::Own(&own))
+            }
+        };
+        let (nodes, extent) = discs::build(&blocks, count, radii);
         let (wall_starts, walls, leaning) =
-            if settings.boundaries { walls_of(&blocks, count, &radii, planes) } else { Default::default() };
+            if settings.boundaries { walls_of(&blocks, count, radii, planes) } else { Default::default() };
 
-        let summary = summary(&radii[..count]);
+        let summary = match radii {
+            Widths::Same(r) if count > 0 => Radii { min: r, mean: r, max: r },
+            Widths::Same(_) => Radii::default(),
+            Widths::Own(radii) => summary(&radii[..count]),
+        };
         let size = extent.block_sizes / blocks.len().max(1) as f64;
         PhotonMap {
             boxes: f64::from(summary.mean) < BOXES_BELOW * size,
@@ -249,13 +341,13 @@ impl PhotonMap {
     /// The photons, in the order of the hierarchy, to roundings.
     pub fn discs(&self) -> impl Iterator<Item = Disc> + '_ {
         (0..self.photons).map(|index| {
-            let (block, lane) = (&self.blocks[index / LANES], index % LANES);
+            let (block, lane) = (self.blocks.get(index / LANES), index % LANES);
             let of = |rows: &[Row; 3]| Vec3::from(rows.each_ref().map(|row| row.0[lane]));
             let inverse_square = block.inverse_square.0[lane];
             let photon = Photon {
-                position: of(&block.position),
-                direction: of(&block.direction),
-                power: of(&block.power) / (self.profile.disc_peak() as f32 * inverse_square),
+                position: of(block.position),
+                direction: of(block.direction),
+                power: of(block.power) / (self.profile.disc_peak() as f32 * inverse_square),
                 events: self.events.get(index / LANES).map_or(0, |events| events[lane]),
             };
             Disc { photon, radius: inverse_square.sqrt().recip() }
@@ -269,7 +361,7 @@ impl PhotonMap {
 
     /// Memory taken, in bytes.
     pub fn bytes(&self) -> usize {
-        size_of_val(&*self.blocks)
+        self.blocks.bytes()
             + size_of_val(&*self.events)
             + size_of_val(&*self.nodes)
             + size_of_val(&*self.wall_starts)
@@ -308,13 +400,6 @@ impl Photon {
     }
 }
 
-/// A photon's place and its index.
-#[derive(Clone, Copy)]
-pub(super) struct Item {
-    pub position: [f32; 3],
-    pub photon: u32,
-}
-
 /// The photons that a map can hold.
 pub(super) fn storable(mut photons: Vec<Photon>) -> Vec<Photon> {
     photons.truncate(u32::MAX as usize);
@@ -325,64 +410,54 @@ pub(super) fn storable(mut photons: Vec<Photon>) -> Vec<Photon> {
 }
 
 /// Photons in median order.
-pub(super) fn sorted(photons: &[Photon]) -> Vec<Item> {
-    let item = |(i, photon): (usize, &Photon)| Item { position: photon.position.to_array(), photon: i as u32 };
-    let mut items: Vec<Item> = photons.par_iter().enumerate().map(item).collect();
-    split(&mut items);
-    items
+pub(super) fn ordered(mut photons: Vec<Photon>) -> Vec<Photon> {
+    split(&mut photons);
+    photons
 }
 
-/// The photons' events, by block; nothing if they need not be known.
-pub(super) fn events_of(items: &[Item], photons: &[Photon], tagged: bool) -> Vec<[u8; LANES]> {
-    let events = |items: &[Item]| {
+/// The most pieces that photons are handled in.
+const PIECES: usize = 16;
+
+/// Photons in pieces of whole blocks, in order: memory is given back piece by piece.
+pub(super) fn pieces(mut photons: Vec<Photon>) -> Vec<Vec<Photon>> {
+    let size = photons.len().div_ceil(PIECES).next_multiple_of(PARALLEL_PHOTONS);
+    let mut pieces = Vec::with_capacity(PIECES);
+    while photons.len() > size {
+        pieces.push(photons.split_off((photons.len() - 1) / size * size));
+        photons.shrink_to_fit();
+    }
+    pieces.push(photons);
+    pieces.reverse();
+    pieces
+}
+
+/// The photons' events, by block.
+pub(super) fn events_of(photons: &[Photon]) -> impl IndexedParallelIterator<Item = [u8; LANES]> {
+    photons.par_chunks(LANES).map(|photons| {
         let mut events = [u8::MAX; LANES];
-        for (event, item) in events.iter_mut().zip(items) {
-            *event = photons[item.photon as usize].events;
+        for (event, photon) in events.iter_mut().zip(photons) {
+            *event = photon.events;
         }
         events
-    };
-    if tagged { items.par_chunks(LANES).map(events).collect() } else { Vec::new() }
+    })
 }
 
-/// Photons in blocks, in median order, with the powers they came with; and their events.
-fn ordered(photons: &[Photon], tagged: bool) -> (Vec<Block>, Vec<[u8; LANES]>) {
-    let items = sorted(photons);
-    let blocks = items
-        .par_chunks(LANES)
-        .map(|items| {
-            let mut block = Block::EMPTY;
-            for (lane, item) in items.iter().enumerate() {
-                let photon = &photons[item.photon as usize];
-                for axis in 0..3 {
-                    block.position[axis].0[lane] = item.position[axis];
-                    block.direction[axis].0[lane] = photon.direction[axis];
-                    block.power[axis].0[lane] = photon.power[axis];
-                }
-            }
-            block
-        })
-        .collect();
-    (blocks, events_of(&items, photons, tagged))
-}
-
-/// Puts items in the order of a median split along the longest edge, down to blocks. Splits fall
+/// Puts photons in the order of a median split along the longest edge, down to blocks. Splits fall
 /// between whole blocks, where the hierarchy splits too.
-fn split(items: &mut [Item]) {
-    let blocks = items.len().div_ceil(LANES);
+fn split(photons: &mut [Photon]) {
+    let blocks = photons.len().div_ceil(LANES);
     if blocks <= 1 {
         return;
     }
-    let (mut min, mut max) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-    for item in items.iter() {
-        for axis in 0..3 {
-            min[axis] = min[axis].min(item.position[axis]);
-            max[axis] = max[axis].max(item.position[axis]);
-        }
+    let (mut min, mut max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    for photon in photons.iter() {
+        min = min.min(photon.position);
+        max = max.max(photon.position);
     }
-    let axis = (Vec3::from(max) - Vec3::from(min)).max_position();
+    let axis = (max - min).max_position();
     let middle = blocks / 2 * LANES;
-    items.select_nth_unstable_by(middle, |a, b| a.position[axis].total_cmp(&b.position[axis]));
-    let (low, high) = items.split_at_mut(middle);
+    photons.select_nth_unstable_by(middle, |a, b| a.position[axis].total_cmp(&b.position[axis]));
+    let (low, high) = photons.split_at_mut(middle);
     if low.len() + high.len() >= PARALLEL_PHOTONS {
         rayon::join(|| split(low), || split(high));
     } else {
@@ -406,19 +481,20 @@ pub(super) fn radius_limits(max_radius: f32, scale: f32, min: Vec3, max: Vec3) -
 }
 
 /// The radius of every disc, sixteen a block.
-fn radii_of(isa: Isa, blocks: &[Block], photons: usize, settings: &MapSettings) -> Vec<f32> {
-    let scale = settings.scale;
-    let (neighbours, pilot, max_radius) = match settings.radius {
-        Radius::Fixed(radius) => return vec![(radius * scale).max(MIN_RADIUS); blocks.len() * LANES],
-        Radius::Variable { neighbours, pilot, max_radius } => (neighbours.max(1), pilot.max(1), max_radius),
-    };
-    let (nodes, extent) = discs::build(blocks, photons, None);
+fn radii_of(
+    isa: Isa,
+    blocks: &Blocks,
+    photons: usize,
+    (neighbours, pilot): (u32, u32),
+    (max_radius, scale): (f32, f32),
+) -> Vec<f32> {
+    let (nodes, extent) = discs::build(blocks, photons, Widths::Same(0.0));
     let (least, cap) = radius_limits(max_radius, scale, extent.min, extent.max);
     if photons <= 1 {
         return vec![cap; blocks.len() * LANES];
     }
-    let m = (pilot as usize).min(photons - 1);
-    let growth = scale * (f64::from(neighbours) / m as f64).cbrt() as f32;
+    let m = (pilot.max(1) as usize).min(photons - 1);
+    let growth = scale * (f64::from(neighbours.max(1)) / m as f64).cbrt() as f32;
     let mut radii = radii::nearest(isa, blocks, photons, &nodes, m);
     radii.par_iter_mut().for_each(|r| *r = (growth * r.sqrt()).clamp(least, cap));
     radii
@@ -447,65 +523,68 @@ pub(super) fn summary(radii: &[f32]) -> Radii {
 /// Where each block's layers of walls start, the layers, and which photons lean on the first; nothing if there are no
 /// walls, or none that lean.
 fn walls_of(
-    blocks: &[Block],
+    blocks: &Blocks,
     photons: usize,
-    radii: &[f32],
+    radii: Widths,
     planes: &(impl Fn(Vec3, f32, &mut SmallVec<[Plane; 3]>) + Sync),
 ) -> (Vec<u32>, Vec<WallLayer>, Vec<u16>) {
-    let parts: Vec<(Vec<u32>, Vec<WallLayer>, Vec<u16>)> = blocks
-        .par_chunks(CHUNK)
-        .enumerate()
-        .map(|(chunk, blocks)| {
-            let mut counts = Vec::with_capacity(blocks.len());
-            let mut walls: Vec<WallLayer> = Vec::new();
-            let mut leaning = vec![0u16; blocks.len()];
-            let mut found = SmallVec::new();
-            for (block, leaning) in blocks.iter().zip(&mut leaning) {
-                let first = walls.len();
-                let index = chunk * CHUNK + counts.len();
-                for lane in 0..photons_in(index, photons) {
-                    let position = Vec3::from(block.position.each_ref().map(|row| row.0[lane]));
-                    let radius = radii[index * LANES + lane];
-                    found.clear();
-                    planes(position, radius, &mut found);
-                    found.retain(|plane| plane.leans || plane.distance < 2.0 * radius);
-                    found.sort_by(|a: &Plane, b: &Plane| b.leans.cmp(&a.leans).then(a.distance.total_cmp(&b.distance)));
-                    *leaning |= u16::from(found.first().is_some_and(|plane| plane.leans)) << lane;
-                    for (layer, plane) in found.iter().take(WALLS).enumerate() {
-                        if first + layer == walls.len() {
-                            walls.push(WallLayer::EMPTY);
-                        }
-                        let wall = &mut walls[first + layer];
-                        wall.distance.0[lane] = plane.distance;
-                        for axis in 0..3 {
-                            wall.normal[axis].0[lane] = plane.normal[axis];
-                        }
+    let of_chunk = |first: usize| {
+        let chunk = first..(first + CHUNK).min(blocks.len());
+        let mut counts = Vec::with_capacity(chunk.len());
+        let mut walls: Vec<WallLayer> = Vec::new();
+        let mut leaning = vec![0u16; chunk.len()];
+        let mut found = SmallVec::new();
+        for (index, leaning) in chunk.zip(&mut leaning) {
+            let (block, first) = (blocks.get(index), walls.len());
+            for lane in 0..photons_in(index, photons) {
+                let position = Vec3::from(block.position.each_ref().map(|row| row.0[lane]));
+                let radius = radii.of(index * LANES + lane);
+                found.clear();
+                planes(position, radius, &mut found);
+                found.retain(|plane| plane.leans || plane.distance < 2.0 * radius);
+                found.sort_by(|a: &Plane, b: &Plane| b.leans.cmp(&a.leans).then(a.distance.total_cmp(&b.distance)));
+                *leaning |= u16::from(found.first().is_some_and(|plane| plane.leans)) << lane;
+                for (layer, plane) in found.iter().take(WALLS).enumerate() {
+                    if first + layer == walls.len() {
+                        walls.push(WallLayer::EMPTY);
+                    }
+                    let wall = &mut walls[first + layer];
+                    wall.distance.0[lane] = plane.distance;
+                    for axis in 0..3 {
+                        wall.normal[axis].0[lane] = plane.normal[axis];
                     }
                 }
-                counts.push((walls.len() - first) as u32);
             }
-            (counts, walls, leaning)
-        })
-        .collect();
-    let total: usize = parts.iter().map(|part| part.1.len()).sum();
-    if total == 0 {
-        return Default::default();
-    }
+            counts.push((walls.len() - first) as u32);
+        }
+        (counts, walls, leaning)
+    };
+
     let mut starts = Vec::with_capacity(blocks.len() + 1);
-    let mut walls = Vec::with_capacity(total);
-    let mut all_leaning = Vec::new();
-    if parts.iter().any(|part| part.2.iter().any(|&bits| bits != 0)) {
-        all_leaning.reserve_exact(blocks.len());
-        parts.iter().for_each(|part| all_leaning.extend(&part.2));
-    }
+    let mut walls = Vec::new();
+    let mut all_leaning = Vec::with_capacity(blocks.len());
     let mut start = 0;
     starts.push(start);
-    for (counts, part, _) in parts {
-        for count in counts {
-            start += count;
-            starts.push(start);
+    // A few at a time: what is found need not be held twice.
+    for round in (0..blocks.len()).step_by(ROUND * CHUNK) {
+        let firsts = round..(round + ROUND * CHUNK).min(blocks.len());
+        let parts: Vec<(Vec<u32>, Vec<WallLayer>, Vec<u16>)> =
+            firsts.into_par_iter().step_by(CHUNK).map(of_chunk).collect();
+        for (counts, part, leaning) in parts {
+            for count in counts {
+                start += count;
+                starts.push(start);
+            }
+            walls.extend(part);
+            all_leaning.extend(leaning);
         }
-        walls.extend(part);
+    }
+    if walls.is_empty() {
+        return Default::default();
+    }
+    walls.shrink_to_fit();
+    if all_leaning.iter().all(|bits| *bits == 0) {
+        all_leaning = Vec::new();
     }
     (starts, walls, all_leaning)
 }
@@ -540,9 +619,9 @@ mod tests {
     #[test]
     fn nearest_distances_equal_those_of_a_search_through_all() {
         for (count, m) in [(2, 1), (3, 2), (16, 5), (17, 16), (40, 23), (500, 1), (3000, 23), (3000, 700)] {
-            let (blocks, _) = ordered(&uneven(count), false);
-            let (nodes, _) = discs::build(&blocks, count, None);
-            let at = |i: usize| blocks[i / LANES].position.each_ref().map(|row| f64::from(row.0[i % LANES]));
+            let (blocks, _) = Blocks::new(ordered(uneven(count)), None, 1.0, false);
+            let (nodes, _) = discs::build(&blocks, count, Widths::Same(0.0));
+            let at = |i: usize| blocks.get(i / LANES).position.each_ref().map(|row| f64::from(row.0[i % LANES]));
             let all: Vec<[f64; 3]> = (0..count).map(at).collect();
             for isa in Isa::available() {
                 let squared = radii::nearest(isa, &blocks, count, &nodes, m);

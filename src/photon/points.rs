@@ -9,7 +9,7 @@
 
 use super::discs::{LEAF, STACK, children, node_count, photons_in};
 use super::kernel::Profile;
-use super::map::{Item, Photon, Radii, events_of, radius_limits, sorted, storable, summary};
+use super::map::{Photon, Radii, events_of, ordered, pieces, radius_limits, storable, summary};
 use super::radii::{KEPT, List};
 use super::simd::{Isa, LANES, Lanes, Row, Task};
 use crate::math::{Bounds, Vec3};
@@ -153,11 +153,16 @@ impl PointMap {
         let given = photons.len();
         let photons = storable(photons);
         let count = photons.len();
-        let items = sorted(&photons);
-        let positions: Vec<[Row; 3]> = items.par_chunks(LANES).map(positions_of).collect();
-        let loads = items.par_chunks(LANES).map(|items| load_of(items, &photons)).collect();
-        let events = events_of(&items, &photons, settings.tagged);
-        drop((items, photons));
+        let blocks = count.div_ceil(LANES);
+        let (mut positions, mut loads) = (Vec::with_capacity(blocks), Vec::with_capacity(blocks));
+        let mut events = Vec::with_capacity(if settings.tagged { blocks } else { 0 });
+        for photons in pieces(ordered(photons)) {
+            positions.par_extend(photons.par_chunks(LANES).map(positions_of));
+            loads.par_extend(photons.par_chunks(LANES).map(load_of));
+            if settings.tagged {
+                events.par_extend(events_of(&photons));
+            }
+        }
 
         let mut nodes = vec![BoxNode::EMPTY; if count == 0 { 0 } else { node_count(positions.len()) }];
         let (min, max) = if count == 0 {
@@ -404,20 +409,19 @@ const ROUNDING: f32 = 4.0 * f32::EPSILON;
 /// A bound that was too tight grows by this factor at most.
 const MOST_GROWTH: f32 = 2.5;
 
-fn positions_of(items: &[Item]) -> [Row; 3] {
+fn positions_of(photons: &[Photon]) -> [Row; 3] {
     let mut rows = [Row([f32::INFINITY; LANES]); 3];
-    for (lane, item) in items.iter().enumerate() {
-        for (row, x) in rows.iter_mut().zip(item.position) {
+    for (lane, photon) in photons.iter().enumerate() {
+        for (row, x) in rows.iter_mut().zip(photon.position.to_array()) {
             row.0[lane] = x;
         }
     }
     rows
 }
 
-fn load_of(items: &[Item], photons: &[Photon]) -> Load {
+fn load_of(photons: &[Photon]) -> Load {
     let mut load = Load { direction: [Row([0.0; LANES]); 3], power: [Row([0.0; LANES]); 3] };
-    for (lane, item) in items.iter().enumerate() {
-        let photon = &photons[item.photon as usize];
+    for (lane, photon) in photons.iter().enumerate() {
         for axis in 0..3 {
             load.direction[axis].0[lane] = photon.direction[axis];
             load.power[axis].0[lane] = photon.power[axis];

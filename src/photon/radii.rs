@@ -5,7 +5,7 @@
 //! then looks into the blocks that its own bound reaches.
 
 use super::discs::{LEAF, Node, STACK, photons_in};
-use super::map::Block;
+use super::map::{Block, Blocks};
 use super::simd::{Isa, LANES, Lanes, Row, Task};
 use rayon::prelude::*;
 
@@ -17,7 +17,7 @@ pub(super) const KEPT: usize = 2048;
 
 /// The squared distance of every photon to its `m`-th nearest other, sixteen a block, coincident
 /// photons counting with distance 0. `nodes` bound the positions. At least `m + 1` photons.
-pub(crate) fn nearest(isa: Isa, blocks: &[Block], photons: usize, nodes: &[Node], m: usize) -> Vec<f32> {
+pub(crate) fn nearest(isa: Isa, blocks: &Blocks, photons: usize, nodes: &[Node], m: usize) -> Vec<f32> {
     let mut squared = vec![0.0f32; blocks.len() * LANES];
     squared.par_chunks_mut(CHUNK * LANES).enumerate().for_each_init(Scratch::default, |scratch, (chunk, out)| {
         isa.run(Search { blocks, photons, nodes, m, first: chunk * CHUNK, out, scratch });
@@ -35,7 +35,7 @@ struct Scratch {
 }
 
 struct Search<'a> {
-    blocks: &'a [Block],
+    blocks: &'a Blocks,
     photons: usize,
     nodes: &'a [Node],
     m: usize,
@@ -177,18 +177,18 @@ impl Task for Search<'_> {
         for (index, out) in self.out.chunks_exact_mut(LANES).enumerate() {
             let block = self.first + index;
             let count = photons_in(block, self.photons);
-            let own = &self.blocks[block].position;
+            let own = self.blocks.get(block).position;
 
             // Bounds from the neighbours in order.
             let start = block.saturating_sub(window / 2).min(self.blocks.len().saturating_sub(window));
-            let around = &self.blocks[start..(start + window).min(self.blocks.len())];
+            let around = start..(start + window).min(self.blocks.len());
             let mut bounds = [0.0f32; LANES];
             for (lane, bound) in bounds[..count].iter_mut().enumerate() {
                 let x = [L::splat(own[0].0[lane]), L::splat(own[1].0[lane]), L::splat(own[2].0[lane])];
                 let mut largest = L::splat(0.0);
                 list.count = 0;
-                for other in around {
-                    let d2 = squared(other, &x);
+                for other in around.clone() {
+                    let d2 = squared(self.blocks.get(other), &x);
                     let real = d2.less(L::splat(f32::INFINITY));
                     largest = largest.max(d2.keep(real));
                     list.push(d2, L::bits(real));
@@ -244,7 +244,7 @@ impl Task for Search<'_> {
                     while hit != 0 {
                         let child = node.children[hit.trailing_zeros() as usize] & !LEAF;
                         hit &= hit - 1;
-                        let d2 = squared(&self.blocks[child as usize], &x);
+                        let d2 = squared(self.blocks.get(child as usize), &x);
                         list.push(d2, L::bits(d2.less_equal(L::splat(bound))));
                         if list.count + LANES > (rows - 1) * LANES {
                             bound = list.select::<L>(wanted, bound);
@@ -260,7 +260,7 @@ impl Task for Search<'_> {
 
 /// Squared distances from a point to a block's photons; infinite in lanes without a photon.
 #[inline(always)]
-fn squared<L: Lanes>(block: &Block, x: &[L; 3]) -> L {
+fn squared<L: Lanes>(block: Block<'_>, x: &[L; 3]) -> L {
     let dx = L::load(&block.position[0]).sub(x[0]);
     let dy = L::load(&block.position[1]).sub(x[1]);
     let dz = L::load(&block.position[2]).sub(x[2]);

@@ -198,17 +198,23 @@ pub(crate) fn at_most(values: &[u8; LANES], limit: u8) -> u16 {
 /// Asks the processor to fetch `value`, wherever it knows how.
 #[inline(always)]
 pub(crate) fn prefetch<T>(value: &T) {
+    prefetch_at::<T>(value);
+}
+
+/// The same of what may be at an address.
+#[inline(always)]
+pub(crate) fn prefetch_at<T>(address: *const T) {
     #[cfg(target_arch = "x86_64")]
     {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        let start = std::ptr::from_ref(value).cast::<i8>();
+        let start = address.cast::<i8>();
         for line in 0..size_of::<T>().div_ceil(64) {
             // SAFETY: a prefetch reads nothing, whatever the address; SSE is part of x86-64.
             unsafe { _mm_prefetch::<_MM_HINT_T0>(start.wrapping_add(64 * line)) };
         }
     }
     #[cfg(not(target_arch = "x86_64"))]
-    let _ = value;
+    let _ = address;
 }
 
 /// Lanes as an array.

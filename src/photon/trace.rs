@@ -1,7 +1,7 @@
 //! The photon pass: photons leave the lights, walk, and are stored at every collision in a medium that
 //! scatters.
 
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 
 use rayon::prelude::*;
 
@@ -56,6 +56,10 @@ const PILOTS: [u64; 3] = [1 << 12, 1 << 16, 1 << 20];
 const TELLING: usize = 64;
 /// Emissions that one task traces.
 const CHUNK: u64 = 1024;
+/// Emissions are traced in so many parts at most,
+const PARTS: u64 = 16;
+/// and parts of no fewer, so that threads seldom wait for one another.
+const LEAST_PART: u64 = 128 * CHUNK;
 /// Where fewer emissions than this share collide, photons are aimed at what they may collide in.
 const SELDOM: f64 = 0.2;
 /// Where fewer emissions than this share collide, first collisions are forced.
@@ -82,7 +86,7 @@ pub fn trace(
 
     // How many to emit is settled beforehand: a count that depends on the photons themselves is biased.
     let pilot = |tracer: &Tracer, count: u64| {
-        let chunks = tracer.run(pass, Purpose::Pilot, count, &|_, _| {}, stop);
+        let chunks = tracer.run(pass, Purpose::Pilot, (0..count, count), &|_, _| {}, stop);
         let collided: u64 = chunks.iter().map(|chunk| chunk.collided).sum();
         let stored: usize = chunks.iter().map(|chunk| chunk.photons.len()).sum();
         (collided as f64 / count as f64, stored)
@@ -126,20 +130,23 @@ pub fn trace(
         tracer.keep = pass.target as f64 / expected;
     }
 
-    let chunks = tracer.run(pass, Purpose::Photon, emitted, progress, stop);
-    let emitted: u64 = chunks.iter().map(|chunk| chunk.emitted).sum();
-    let mut traced = Traced { emitted, forced: tracer.forced, ..empty() };
-    for region in 0..scene.regions as usize {
-        let count = chunks.iter().map(|chunk| chunk.photons.iter().filter(|p| p.0 as usize == region).count()).sum();
-        traced.regions[region].reserve_exact(count);
-    }
-    let scale = 1.0 / emitted.max(1) as f64;
-    for chunk in chunks {
-        traced.tally = traced.tally.merge(chunk.tally);
-        for (region, mut photon) in chunk.photons {
-            photon.power *= scale as f32;
-            traced.regions[region as usize].push(photon);
+    let mut traced = Traced { forced: tracer.forced, ..empty() };
+    // A part at a time: photons need not be held twice.
+    let part = emitted.div_ceil(PARTS).next_multiple_of(CHUNK).max(LEAST_PART);
+    for first in (0..emitted).step_by(part as usize) {
+        let range = first..(first + part).min(emitted);
+        for chunk in tracer.run(pass, Purpose::Photon, (range, emitted), progress, stop) {
+            traced.emitted += chunk.emitted;
+            traced.tally = traced.tally.merge(chunk.tally);
+            for (region, photon) in chunk.photons {
+                traced.regions[region as usize].push(photon);
+            }
         }
+    }
+    let scale = (1.0 / traced.emitted.max(1) as f64) as f32;
+    for photons in &mut traced.regions {
+        photons.par_iter_mut().for_each(|photon| photon.power *= scale);
+        photons.shrink_to_fit();
     }
     traced
 }
@@ -181,21 +188,24 @@ struct Chunk {
 }
 
 impl Tracer<'_> {
+    /// Traces the emissions of a range, of those that there are in all.
     fn run(
         &self,
         pass: &Pass,
         purpose: Purpose,
-        emitted: u64,
+        (range, emitted): (Range<u64>, u64),
         progress: &(impl Fn(u64, u64) + Sync),
         stop: &(impl Fn() -> bool + Sync),
     ) -> Vec<Chunk> {
-        (0..emitted.div_ceil(CHUNK))
+        let chunks = (range.end - range.start).div_ceil(CHUNK);
+        (0..chunks)
             .into_par_iter()
             .map(|index| {
                 let mut chunk = Chunk::default();
-                let range = index * CHUNK..((index + 1) * CHUNK).min(emitted);
-                let count = range.end - range.start;
-                for photon in range {
+                let first = range.start + index * CHUNK;
+                let part = first..(first + CHUNK).min(range.end);
+                let count = part.end - part.start;
+                for photon in part {
                     // To ask may mean to look at a clock.
                     if photon % 16 == 0 && stop() {
                         return Chunk::default();

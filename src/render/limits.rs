@@ -8,6 +8,7 @@ use super::eye::Component;
 use super::film::{Film, Layers};
 use crate::medium::density::Density;
 use crate::scene::Scene;
+use crate::scene::description::{Estimate, Kernel};
 use crate::{Error, Result};
 
 /// When a render ends, and what it may take. By default: after the scene's own passes.
@@ -30,8 +31,12 @@ pub struct Limits {
 
 /// Sub-passes for the standard error of a single pass.
 const SUB_PASSES: u32 = 8;
-/// The most bytes that a photon takes: when the map is built, while the traced ones are still there.
-const PHOTON_BYTES: u64 = 160;
+/// The most bytes that a photon takes, be it as traced, in a map, or while that is built; measured in fog without walls.
+const PHOTON_BYTES: u64 = 48;
+/// What is added by radii that are looked for.
+const RADIUS_BYTES: u64 = 8;
+/// What is added by walls around all of them.
+const WALL_BYTES: u64 = 48;
 /// What the program takes without film, photons and densities.
 const PROGRAM_BYTES: u64 = 32 << 20;
 /// Parts of a pass with fewer photons than this are not worth their cost.
@@ -89,25 +94,34 @@ impl Limits {
         let (layers, several) = self.film_of(scene, parts);
         let film = |several| Film::bytes(scene.film.width, scene.film.height, layers, several);
         let fixed = PROGRAM_BYTES + densities(scene);
-        let bytes = |parts: u64| fixed + film(several || parts > 1) + photons.div_ceil(parts) * PHOTON_BYTES;
+        let each = photon_bytes(scene);
+        let bytes = |parts: u64| fixed + film(several || parts > 1) + photons.div_ceil(parts) * each;
         if bytes(parts as u64) <= memory {
             return Ok(parts);
         }
         let rest = memory.saturating_sub(fixed + film(true));
-        let needed = (photons * PHOTON_BYTES).div_ceil(rest.max(1));
+        let needed = (photons * each).div_ceil(rest.max(1));
         let most = (photons / FEWEST_PHOTONS).max(1);
         if needed > most {
             return Err(Error::Limit(format!(
                 "{} of memory are not enough: the image takes {}, the least part of {photons} photons {}, densities and program {}; allow {}, or make a smaller image, or one without film.layers",
                 size(memory),
                 size(film(true)),
-                size(photons.min(FEWEST_PHOTONS) * PHOTON_BYTES),
+                size(photons.min(FEWEST_PHOTONS) * each),
                 size(fixed),
                 size(bytes(most)),
             )));
         }
         Ok(parts.max(needed as u32))
     }
+}
+
+/// The most bytes that a volume photon of a scene takes.
+fn photon_bytes(scene: &Scene) -> u64 {
+    let beams = scene.volume.estimate == Estimate::Beam;
+    let radius = if beams && scene.volume.kernel == Kernel::Variable { RADIUS_BYTES } else { 0 };
+    let walls = if beams && !scene.surfaces.is_empty() { WALL_BYTES } else { 0 };
+    PHOTON_BYTES + radius + walls
 }
 
 /// Bytes of all grids.
