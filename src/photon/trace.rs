@@ -255,6 +255,7 @@ impl Tracer<'_> {
 impl<'s> Flight<'_, 's> {
     /// `known`: shadow rays will find its light, if it collides next.
     fn follow(&mut self, mut walk: Walk<'s>, mut weight: Rgb, mut events: u64, forced: bool, mut known: bool) {
+        let mut turns = 0;
         loop {
             let mut passage = Passage { flight: self, weight, events, forced, known, collision: None };
             let stop = walk.advance(&mut passage);
@@ -270,6 +271,7 @@ impl<'s> Flight<'_, 's> {
                         return;
                     }
                     known = false;
+                    turns = 0;
                 }
                 Stop::Surface(at) => {
                     let arriving = weight;
@@ -289,6 +291,11 @@ impl<'s> Flight<'_, 's> {
                         matches!(at.reflection, Reflection::Dielectric(..)) && direction.dot(at.normal) < 0.0;
                     known &= refracted && self.tracer.straight_on();
                     walk.leave(&at, direction);
+                    let specular = matches!(at.reflection, Reflection::Dielectric(..) | Reflection::Mirror(_));
+                    turns = if specular { turns + 1 } else { 0 };
+                    if !transport::endures(turns, &mut weight, self.stream) {
+                        return;
+                    }
                 }
                 Stop::Escaped => return,
             }
