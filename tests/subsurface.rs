@@ -475,3 +475,96 @@ fn absorption_by_beers_law() {
     }
     checks.finish();
 }
+
+/// Stone whose veins are about as wide as discs: light stays with the matter that scatters it. In a white furnace, where
+/// it would be a tenth too bright otherwise, and lit from the front.
+#[test]
+fn a_veined_ball() {
+    let medium = |albedo| {
+        format!(
+            "sigma_t = 160\nalbedo = {albedo}\n\
+             density = {{ type = \"noise\", scale = 0.8, octaves = 3, threshold = 0.5, seed = 5 }}"
+        )
+    };
+    let glass = "type = \"dielectric\"\nior = 1.4";
+    let mut checks = Checks::default();
+    let sky = "[[lights]]\ntype = \"environment\"\nradiance = 1.0\n";
+    let wide = ["photons.volume=100000", "volume.neighbours=600", "render.samples=8"];
+    let found = Estimate::of(8, &ball(&medium(1.0), glass, sky), &wide);
+    checks.agree("in a furnace", &found, &Estimate::exact([1.0; 3]), 0.01, 0.03);
+    let lamp = "[[shapes]]\ntype = \"disk\"\ncenter = [0, 0, 101]\nnormal = [0, 0, -1]\nradius = 150\n\
+                emission = { radiance = 1.0 }\n";
+    let text = ball(&medium(0.99), glass, lamp);
+    let path = Estimate::of(16, &text, &["render.method=path", "render.samples=48"]);
+    let narrow = ["photons.volume=150000", "volume.neighbours=60", "render.samples=8"];
+    checks.agree("lit from the front", &Estimate::of(8, &text, &narrow), &path, 0.01, 0.02);
+    checks.finish();
+}
+
+/// A lamp in a hollow of wax, as a candle's flame: what is seen of it from outside has come through.
+#[test]
+fn wax_lit_from_inside() {
+    let lamp = "[materials.air]\ntype = \"dielectric\"\nior = 1\n\
+                [[shapes]]\ntype = \"cylinder\"\nbase = [0, -0.2, 0]\ntop = [0, 1.1, 0]\nradius = 0.55\n\
+                material = \"air\"\npriority = 1\n\
+                [[shapes]]\ntype = \"sphere\"\ncenter = [0, 0.3, 0]\nradius = 0.3\n\
+                emission = { radiance = [1.5, 1.0, 0.8] }\n";
+    let text = ball("sigma_t = 12\nalbedo = [0.999, 0.99, 0.95]", "type = \"dielectric\"\nior = 1.43", lamp);
+    let path = Estimate::of(16, &text, &["render.method=path", "render.samples=64"]);
+    let found = Estimate::of(16, &text, &["photons.volume=100000", "render.samples=8"]);
+    let mut checks = Checks::default();
+    checks.agree("wax", &found, &path, 0.01, 0.01);
+    checks.finish();
+}
+
+/// A small solid on a wide floor, under a sky: photons are aimed at it, from the lights and from the floor, and those
+/// that come from far away are not so strong that they stand out.
+#[test]
+fn a_small_solid_on_a_wide_floor() {
+    let text = "
+[film]
+width = 12
+height = 12
+layers = false
+[camera]
+position = [0, 3, 8]
+target = [0, 1, 0]
+fov = 13
+[media.milk]
+sigma_t = 15
+albedo = [0.998, 0.998, 0.99]
+[materials.water]
+type = \"dielectric\"
+ior = 1.33
+[materials.table]
+type = \"lambert\"
+reflectance = [0.5, 0.2, 0.1]
+[[shapes]]
+type = \"cylinder\"
+base = [0, 0, 0]
+top = [0, 2, 0]
+radius = 0.8
+material = \"water\"
+interior = \"milk\"
+[[shapes]]
+type = \"disk\"
+center = [0, -0.01, 0]
+normal = [0, 1, 0]
+radius = 40
+material = \"table\"
+[[shapes]]
+type = \"quad\"
+origin = [-9, 1, -3]
+edge_u = [0, 7, 0]
+edge_v = [-1, 0, 7]
+emission = { radiance = 4.0 }
+[[lights]]
+type = \"environment\"
+radiance = 0.3
+";
+    let path = Estimate::of(16, text, &["render.method=path", "render.samples=96"]);
+    let found = Estimate::of(24, text, &["photons.volume=100000", "render.samples=8"]);
+    let mut checks = Checks::default();
+    checks.agree("a small solid", &found, &path, 0.015, 0.01);
+    checks.finish();
+}

@@ -166,6 +166,12 @@ pub(super) fn exponents(extinction: Vec3) -> [f32; 3] {
 pub(super) trait Transmit: Copy {
     /// Lanes outside of `bits` may be anything.
     fn weigh<L: Lanes>(&self, factor: L, t: L, bits: u16, pruning: Pruning) -> [L; 3];
+
+    /// The density, where it varies: whatever it is outside of `bits`.
+    #[inline(always)]
+    fn density<L: Lanes>(&self, _t: L, _bits: u16) -> Option<L> {
+        None
+    }
 }
 
 /// A homogeneous medium with the same extinction in every channel: −σ log₂e.
@@ -213,6 +219,11 @@ impl Transmit for Tabulated<'_> {
         } else {
             Coloured(self.exponents).weigh(factor, depth, bits, pruning)
         }
+    }
+
+    #[inline(always)]
+    fn density<L: Lanes>(&self, t: L, bits: u16) -> Option<L> {
+        Some(self.table.densities(t, bits))
     }
 }
 
@@ -336,6 +347,18 @@ pub(super) fn add_block<L: Lanes>(
         mask = L::mask(bits);
     }
     stats.photons += u64::from(bits.count_ones());
+    if let Some(mean) = map.densities.get(index)
+        && let Some(density) = transmittance.density(t, bits)
+    {
+        let normal = load3::<L>(&mean.normal);
+        let (nu, nv) = (dot_plus(&normal, &ray.u, zero), dot_plus(&normal, &ray.v, zero));
+        let here = L::load(&mean.distance);
+        let mut around = b.neg_mul_add(nv, a.neg_mul_add(nu, here));
+        if let Some(disc) = &leaning {
+            around = disc.shift.mul_add(dot_plus(&normal, &ray.omega, zero), around);
+        }
+        factor = factor.mul(density.div(around.max(here.mul(L::splat(LEAST_DENSITY)))));
+    }
     let weights = transmittance.weigh(factor, t, bits, pruning);
     let power = load3::<L>(block.power);
     for channel in 0..3 {
@@ -527,6 +550,9 @@ struct Leaning<L> {
 
 /// Discs are not turned farther towards the ray than to this ν·ω, so that none counts more than twenty times.
 const LEAST_ALONG: f32 = 0.05;
+
+/// The mean density around a ray is taken to be no less than this share of that around a photon.
+const LEAST_DENSITY: f32 = 0.25;
 
 /// (H/r)² up to which a ray's end is on a wall.
 const ON_WALL: f32 = 0.0625;

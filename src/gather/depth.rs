@@ -151,6 +151,34 @@ impl DepthTable {
         depths
     }
 
+    /// The density D′(t) in the lanes of `bits`, never negative; anything in the others.
+    #[inline(always)]
+    pub(super) fn densities<L: Lanes>(&self, t: L, bits: u16) -> L {
+        let mut densities = L::splat(0.0);
+        let Some(first) = self.rounded.first() else { return densities };
+        let per_length = self.buckets_per_length as f32;
+        let mut row = Row([0.0; LANES]);
+        t.store(&mut row);
+        let mut left = bits;
+        while left != 0 {
+            let lane = left.trailing_zeros();
+            let place = row.0[lane as usize];
+            let mut index = self.bucket(((place - first.start) * per_length) as usize);
+            while place >= self.rounded[index].end && index + 1 < self.rounded.len() {
+                index += 1;
+            }
+            let piece = &self.rounded[index];
+            let (start, end) = (L::splat(piece.start), L::splat(piece.end));
+            let inside = L::bits(L::and(start.less_equal(t), t.less(end))) | 1 << lane;
+            let [_, c1, c2, c3] = piece.coefficients;
+            let x = t.sub(start).max(L::splat(0.0));
+            let slope = x.mul_add(x.mul_add(L::splat(3.0 * c3), L::splat(2.0 * c2)), L::splat(c1));
+            densities = slope.max(L::splat(0.0)).select(L::mask(inside), densities);
+            left &= !inside;
+        }
+        densities
+    }
+
     /// The piece to start looking from in a bucket, or in the last one.
     #[inline(always)]
     fn bucket(&self, bucket: usize) -> usize {

@@ -13,12 +13,29 @@ pub struct Sources<'s> {
     sources: Vec<Source<'s>>,
     /// Running sums of the sources' shares of the power, ending in 1.
     cumulative: Vec<f64>,
-    /// Spheres around the solids with media that scatter; empty while photons are not aimed.
-    targets: Vec<(DVec3, f64)>,
+    /// Where photons are aimed at; empty while they are not.
+    targets: Vec<Target>,
 }
 
-/// The share of photons that are aimed, once photons are.
-const AIMED: f64 = 0.75;
+/// A sphere that photons are aimed at.
+#[derive(Clone, Copy, Debug)]
+struct Target {
+    center: DVec3,
+    radius: f64,
+    /// The share of photons that are aimed at it.
+    share: f64,
+    /// Whether it is the smallest around a solid.
+    closest: bool,
+}
+
+/// The share of photons that are aimed at the spheres around solids, once photons are.
+const CLOSEST: f64 = 0.5;
+/// The share that is aimed at wider spheres around these: light that a floor near a solid sends to it comes from there.
+/// Spheres are as many times wider than one another as [`WIDER`]: so the power of a photon grows no faster than with the
+/// square of the distance from the solid at which it lands, which is how its chance to come to the solid falls.
+const AROUND: f64 = 0.25;
+/// See [`AROUND`].
+const WIDER: f64 = 3.0;
 
 #[derive(Debug)]
 enum Source<'s> {
@@ -82,9 +99,37 @@ impl<'s> Sources<'s> {
         let solids = self.scene.solids.iter().filter(|solid| scatters(solid.medium));
         let around = |solid: &Solid| {
             let bounds = self.scene.geometry.bounds(solid.shape);
-            (bounds.center(), 0.5 * bounds.diagonal())
+            Target { center: bounds.center(), radius: 0.5 * bounds.diagonal(), share: 0.0, closest: true }
         };
-        self.targets = solids.map(around).collect();
+        let mut targets: Vec<Target> = solids.map(around).collect();
+        let count = targets.len();
+        for index in 0..count {
+            let Target { center, mut radius, .. } = targets[index];
+            let whole = self.scene.surroundings.radius;
+            while radius > 0.0 && radius * WIDER < whole {
+                radius *= WIDER;
+                targets.push(Target { center, radius, share: 0.0, closest: false });
+            }
+        }
+        let around = (targets.len() - count).max(1) as f64;
+        for target in &mut targets {
+            target.share = if target.closest { CLOSEST / count as f64 } else { AROUND / around };
+        }
+        self.targets = targets;
+    }
+
+    /// Draws a direction from `from` towards one of the solids that photons are aimed at, if they are.
+    pub fn towards_solids(&self, from: DVec3, stream: &mut Stream) -> Option<DVec3> {
+        let count = self.targets.iter().filter(|target| target.closest).count();
+        let index = ((stream.uniform() * count as f64) as usize).min(count.checked_sub(1)?);
+        Some(self.targets[index].towards(from, stream))
+    }
+
+    /// The density per steradian with which that is done.
+    pub fn density_towards_solids(&self, from: DVec3, direction: DVec3) -> f64 {
+        let solids = self.targets.iter().filter(|target| target.closest);
+        let (sum, count) = solids.fold((0.0, 0), |(sum, n), target| (sum + target.density(from, direction), n + 1));
+        sum / f64::from(count.max(1))
     }
 
     /// Draws a photon's start anew, from what it was drawn from and from what goes towards a target: the power is
@@ -94,19 +139,20 @@ impl<'s> Sources<'s> {
         if self.targets.is_empty() || spread == Spread::Other {
             return Some(departure);
         }
-        let count = self.targets.len() as f64;
-        let target = match stream.uniform() {
-            u if u < AIMED => Some(self.targets[((u / AIMED * count) as usize).min(self.targets.len() - 1)]),
-            _ => None,
-        };
+        let mut left = stream.uniform();
+        let target = self.targets.iter().find(|target| {
+            left -= target.share;
+            left < 0.0
+        });
+        let unaimed = 1.0 - self.targets.iter().map(|target| target.share).sum::<f64>();
         if spread == Spread::Disc {
             let whole = self.scene.surroundings;
             let frame = Frame::around(ray.direction);
             let origin = match target {
                 None => ray.origin,
-                Some((center, radius)) => {
+                Some(Target { center, radius, .. }) => {
                     let (x, y) = sampling::disc(stream.uniform2());
-                    let p = center + radius * (x * frame.x + y * frame.y);
+                    let p = *center + *radius * (x * frame.x + y * frame.y);
                     p - ((p - whole.center).dot(ray.direction) + whole.radius) * ray.direction
                 }
             };
@@ -118,36 +164,20 @@ impl<'s> Sources<'s> {
             let density: f64 = self
                 .targets
                 .iter()
-                .filter(|(center, radius)| aside(*center) <= radius * radius)
-                .map(|(_, radius)| (whole.radius / radius).powi(2))
+                .filter(|target| aside(target.center) <= target.radius * target.radius)
+                .map(|target| target.share * (whole.radius / target.radius).powi(2))
                 .sum();
             let weight = if aside(whole.center) <= whole.radius * whole.radius { 1.0 } else { 0.0 };
-            let power = power * (weight / (weight * (1.0 - AIMED) + AIMED / count * density));
+            let power = power * (weight / (weight * unaimed + density));
             return Some(Departure { ray: Ray::new(origin, ray.direction), power, spread });
         }
-        // 1 − cos of the half-angle under which a target is seen; all around from inside of it.
-        let opening = |(center, radius): (DVec3, f64)| {
-            let sin2 = (radius / center.distance(ray.origin)).powi(2);
-            if sin2 < 1.0 { sin2 / (1.0 + (1.0 - sin2).sqrt()) } else { 2.0 }
-        };
-        let direction = match target {
-            None => ray.direction,
-            Some(target) => {
-                let axis = (target.0 - ray.origin).try_normalize().unwrap_or(ray.direction);
-                Frame::around(axis).to_world(sampling::cone(opening(target), stream.uniform2())).normalize()
-            }
-        };
+        let direction = target.map_or(ray.direction, |target| target.towards(ray.origin, stream));
         let own = match spread {
             Spread::Cosine(normal) => normal.dot(direction).max(0.0) / PI,
             _ => 1.0 / (4.0 * PI),
         };
-        let aimed = |target: &(DVec3, f64)| {
-            let (axis, opening) = ((target.0 - ray.origin).try_normalize(), opening(*target));
-            let inside = axis.is_none_or(|axis| 0.5 * (axis - direction).length_squared() <= opening);
-            if inside { 1.0 / (2.0 * PI * opening) } else { 0.0 }
-        };
-        let density: f64 = self.targets.iter().map(aimed).sum();
-        let power = power * (own / (own * (1.0 - AIMED) + AIMED / count * density));
+        let density: f64 = self.targets.iter().map(|target| target.share * target.density(ray.origin, direction)).sum();
+        let power = power * (own / (own * unaimed + density));
         Some(Departure { ray: Ray::new(ray.origin, direction), power, spread }).filter(|_| own > 0.0)
     }
 
@@ -196,5 +226,31 @@ impl<'s> Sources<'s> {
         }
         let inside = inside.cloned().unwrap_or_else(|| self.scene.inside(ray.origin));
         Some(Start { ray, power, inside, from_light: true })
+    }
+}
+
+impl Target {
+    /// 1 − cos of the half-angle under which it is seen; all around from inside of it.
+    fn opening(&self, from: DVec3) -> f64 {
+        let sin2 = (self.radius / self.center.distance(from)).powi(2);
+        if sin2 < 1.0 { sin2 / (1.0 + (1.0 - sin2).sqrt()) } else { 2.0 }
+    }
+
+    /// Its direction, if it has one.
+    fn axis(&self, from: DVec3) -> Option<DVec3> {
+        (self.center - from).try_normalize()
+    }
+
+    /// Draws a direction towards it.
+    fn towards(&self, from: DVec3, stream: &mut Stream) -> DVec3 {
+        let axis = self.axis(from).unwrap_or(DVec3::Z);
+        Frame::around(axis).to_world(sampling::cone(self.opening(from), stream.uniform2())).normalize()
+    }
+
+    /// The density of that per steradian.
+    fn density(&self, from: DVec3, direction: DVec3) -> f64 {
+        let opening = self.opening(from);
+        let inside = self.axis(from).is_none_or(|axis| 0.5 * (axis - direction).length_squared() <= opening);
+        if inside { 1.0 / (2.0 * PI * opening) } else { 0.0 }
     }
 }

@@ -204,7 +204,8 @@ pub(crate) struct WallLayer {
 }
 
 impl WallLayer {
-    const EMPTY: WallLayer = WallLayer { normal: [Row([0.0; LANES]); 3], distance: Row([f32::INFINITY; LANES]) };
+    pub(crate) const EMPTY: WallLayer =
+        WallLayer { normal: [Row([0.0; LANES]); 3], distance: Row([f32::INFINITY; LANES]) };
 }
 
 /// Walls that a photon may be near: a corner has three.
@@ -249,6 +250,9 @@ pub struct PhotonMap {
     pub(crate) walls: Vec<WallLayer>,
     /// For each block the photons whose disc lies along the wall of the first layer; empty if there are none.
     pub(crate) leaning: Vec<u16>,
+    /// Where light is spread in proportion to the density, as planes over which the mean density is the height: that
+    /// around the photon, and how it changes from there. Empty where light is spread evenly.
+    pub(crate) densities: Vec<WallLayer>,
     /// Whether walks test boxes rather than spheres.
     pub(crate) boxes: bool,
     pub(crate) isa: Isa,
@@ -325,6 +329,7 @@ impl PhotonMap {
             wall_starts,
             walls,
             leaning,
+            densities: Vec::new(),
         }
     }
 
@@ -367,6 +372,7 @@ impl PhotonMap {
             + size_of_val(&*self.wall_starts)
             + size_of_val(&*self.walls)
             + size_of_val(&*self.leaning)
+            + size_of_val(&*self.densities)
     }
 
     /// Whether some discs lie along walls.

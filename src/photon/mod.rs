@@ -8,6 +8,7 @@ mod points;
 mod radii;
 pub(crate) mod simd;
 mod trace;
+mod uneven;
 pub mod walls;
 
 pub use emission::Sources;

@@ -13,7 +13,7 @@ use crate::medium::Medium;
 use crate::medium::density::Density;
 use crate::scene::Scene;
 use crate::scene::description::SingleScattering;
-use crate::transport::{self, Crossing, Reflection, Segment, Side, Stop, Tally, Visitor, Walk, survive};
+use crate::transport::{self, Crossing, Interaction, Reflection, Segment, Side, Stop, Tally, Visitor, Walk, survive};
 
 /// What a photon pass should do.
 #[derive(Clone, Copy, Debug)]
@@ -78,7 +78,7 @@ pub fn trace(
     stop: &(impl Fn() -> bool + Sync),
 ) -> Traced {
     let sources = Sources::new(scene);
-    let mut tracer = Tracer { scene, sources, deep: deep(scene), forced: false, keep: 1.0 };
+    let mut tracer = Tracer { scene, sources, deep: deep(scene), typical: None, forced: false, keep: 1.0 };
     let empty = || Traced { regions: vec![Vec::new(); scene.regions as usize], ..Traced::default() };
     if tracer.sources.is_empty() || !scene.media.iter().any(|medium| medium.scatters()) {
         return empty();
@@ -95,6 +95,9 @@ pub fn trace(
     let (mut collided, mut stored) = pilot(&tracer, piloted);
     if collided < SELDOM {
         tracer.sources.aim();
+        let chunks = tracer.run(pass, Purpose::Pilot, piloted, &|_, _| {}, stop);
+        let powers = || chunks.iter().flat_map(|chunk| chunk.photons.iter().map(|(_, photon)| photon.power));
+        tracer.typical = typical(powers().map(|power| f64::from(power.element_sum())).collect());
         (collided, stored) = pilot(&tracer, piloted);
     }
     if collided < RARE {
@@ -151,6 +154,12 @@ pub fn trace(
     traced
 }
 
+/// The median of powers.
+fn typical(mut powers: Vec<f64>) -> Option<f64> {
+    let middle = powers.len() / 2;
+    (!powers.is_empty()).then(|| *powers.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
 /// The least extinction by medium, of those of one density that are many mean free paths thick.
 fn deep(scene: &Scene) -> Vec<Option<f64>> {
     let extent = scene.bounds().diagonal();
@@ -174,6 +183,8 @@ struct Tracer<'s> {
     sources: Sources<'s>,
     /// By medium, how deep a length is; `None` where all photons are kept.
     deep: Vec<Option<f64>>,
+    /// The power of photons in the map, where photons are aimed at solids from diffuse surfaces, too.
+    typical: Option<f64>,
     forced: bool,
     /// The share of photons that are kept.
     keep: f64,
@@ -254,6 +265,7 @@ impl Tracer<'_> {
 impl<'s> Flight<'_, 's> {
     /// `known`: shadow rays will find its light, if it collides next.
     fn follow(&mut self, mut walk: Walk<'s>, mut weight: Rgb, mut events: u64, forced: bool, mut known: bool) {
+        let mut turns = 0;
         loop {
             let mut passage = Passage { flight: self, weight, events, forced, known, collision: None };
             let stop = walk.advance(&mut passage);
@@ -269,13 +281,31 @@ impl<'s> Flight<'_, 's> {
                         return;
                     }
                     known = false;
+                    turns = 0;
                 }
                 Stop::Surface(at) => {
-                    let Some(direction) = at.scatter(Side::Light, &mut weight, self.stream) else { return };
+                    let arriving = weight;
+                    let Some(direction) = at.scatter(Side::Light, &mut weight, self.stream) else {
+                        self.aim(&at, &walk, arriving, events, forced);
+                        return;
+                    };
+                    if self.aim(&at, &walk, arriving, events, forced)
+                        && let Reflection::Lambert(lambert) = at.reflection
+                    {
+                        // What aims at solids brings its share of the light to them.
+                        let own = lambert.density(at.shading_normal, direction);
+                        let aimed = self.tracer.sources.density_towards_solids(at.point, direction);
+                        weight *= own / (own + aimed);
+                    }
                     let refracted =
                         matches!(at.reflection, Reflection::Dielectric(..)) && direction.dot(at.normal) < 0.0;
                     known &= refracted && self.tracer.straight_on();
                     walk.leave(&at, direction);
+                    let specular = matches!(at.reflection, Reflection::Dielectric(..) | Reflection::Mirror(_));
+                    turns = if specular { turns + 1 } else { 0 };
+                    if !transport::endures(turns, &mut weight, self.stream) {
+                        return;
+                    }
                 }
                 Stop::Escaped => return,
             }
@@ -289,6 +319,32 @@ impl<'s> Flight<'_, 's> {
                 return;
             }
         }
+    }
+
+    /// Light that a diffuse surface sends to solids that photons are aimed at: few photons would come there by chance,
+    /// each with the power of many. Photons of little power are left to roulette, and have a typical one then. Returns
+    /// whether that light is taken care of.
+    fn aim(&mut self, at: &Interaction, walk: &Walk<'s>, weight: Rgb, events: u64, forced: bool) -> bool {
+        let (Some(typical), Reflection::Lambert(lambert)) = (self.tracer.typical, at.reflection) else { return false };
+        let sources = &self.tracer.sources;
+        let Some(direction) = sources.towards_solids(at.point, self.stream) else { return false };
+        let own = lambert.density(at.shading_normal, direction);
+        if own <= 0.0 || direction.dot(at.normal) <= 0.0 || !self.may_store(events + 1) {
+            return true;
+        }
+        let share = own / (own + sources.density_towards_solids(at.point, direction));
+        let mut weight = weight * lambert.reflectance * (share * at.adjoint(Side::Light, at.shading_normal, direction));
+        let chance = weight.element_sum() / typical;
+        if chance < 1.0 {
+            if self.stream.uniform() >= chance {
+                return true;
+            }
+            weight /= chance;
+        }
+        let mut walk = walk.clone();
+        walk.leave(at, direction);
+        self.follow(walk, weight, events + 1, forced, false);
+        true
     }
 
     /// Whether a photon of so many events may still scatter towards the eye.

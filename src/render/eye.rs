@@ -271,6 +271,7 @@ impl<'s> Eye<'s> {
 
     fn follow(&self, mut walk: Walk<'s>, mut path: Path, split: bool, sample: &mut Sample, context: &mut Context<'_>) {
         let mut travelled = 0.0;
+        let mut turns = 0;
         loop {
             let mut visitor = Passage { eye: self, path: &mut path, split, sample, context, collision: None };
             let stop = walk.advance(&mut visitor);
@@ -284,6 +285,7 @@ impl<'s> Eye<'s> {
                     if !self.collide(&mut walk, &mut path, collision, medium, sample, context) {
                         return;
                     }
+                    turns = 0;
                 }
                 Stop::Surface(at) => {
                     travelled += at.t;
@@ -297,6 +299,10 @@ impl<'s> Eye<'s> {
                         };
                     }
                     if !self.reflect(&mut walk, &mut path, &at, sample, context) {
+                        return;
+                    }
+                    turns = if matches!(path.previous, Previous::Specular) { turns + 1 } else { 0 };
+                    if !transport::endures(turns, &mut path.weight, context.stream) {
                         return;
                     }
                 }

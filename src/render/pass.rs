@@ -502,7 +502,24 @@ fn beam_maps(scene: &Scene, plan: &Plan, scale: f32, extinctions: &[f64], region
         };
         (!photons.is_empty()).then(|| PhotonMap::build(photons, &settings, &near))
     };
-    VolumeMaps::new(regions.into_iter().zip(extinctions).map(build).collect(), &scene.media)
+    let mut maps: Vec<Option<PhotonMap>> = regions.into_iter().zip(extinctions).map(build).collect();
+    for (region, map) in (0..).zip(&mut maps) {
+        // Maps without leaning discs are for bundles, which spread light evenly.
+        if let (Some(map), Some(density)) = (map, uneven_density(scene, region))
+            && map.leans()
+        {
+            map.follow_density(&|p| density.at(p));
+        }
+    }
+    VolumeMaps::new(maps, &scene.media)
+}
+
+/// The density of a region that is filled with one medium, if it is voxels.
+fn uneven_density(scene: &Scene, region: u32) -> Option<&Density> {
+    let mut media = scene.solids.iter().filter(|solid| solid.region == region).map(|solid| solid.medium);
+    let first = media.next().filter(|_| region != scene.world_region)??;
+    let density = &scene.media[first as usize].density;
+    (matches!(density, Density::Grid(_)) && media.all(|medium| medium == Some(first))).then_some(density)
 }
 
 fn point_maps(scene: &Scene, points: &Points, scale: f32, regions: Vec<Vec<Photon>>) -> PointMaps {

@@ -23,3 +23,18 @@ pub fn survive(weight: &mut Rgb, factor: Rgb, stream: &mut Stream) -> bool {
     *weight *= factor / chance;
     stream.uniform() < chance
 }
+
+/// Specular events in a row, after which walks are left to roulette.
+const MANY: u32 = 1000;
+/// The chance to go on at each of them.
+const ONWARD: f64 = 0.99;
+
+/// Roulette for walks that specular surfaces have turned so often in a row: clear glass may keep light by total
+/// reflection without end. What comes out late carries the weight of what was ended.
+pub fn endures(turns: u32, weight: &mut Rgb, stream: &mut Stream) -> bool {
+    if turns <= MANY {
+        return true;
+    }
+    *weight /= ONWARD;
+    stream.uniform() < ONWARD
+}

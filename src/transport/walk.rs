@@ -342,7 +342,7 @@ impl Interaction {
 
     /// Shading normals break the symmetry of light and eye: |i·s| |o·g| / (|i·g| |o·s|) for photons that arrive
     /// along i and leave along o, with the normal g and the shading normal s (Veach 1996).
-    fn adjoint(&self, side: Side, shading_normal: DVec3, direction: DVec3) -> f64 {
+    pub fn adjoint(&self, side: Side, shading_normal: DVec3, direction: DVec3) -> f64 {
         if side == Side::Eye || shading_normal == self.normal {
             return 1.0;
         }
