@@ -252,7 +252,8 @@ impl<'s> Flight<'_, 's> {
             if weight.max_element() <= 0.0 {
                 return;
             }
-            match stop {
+            // An interaction is large: it stays where it is.
+            match &stop {
                 Stop::Ended => {
                     let Some((t, medium)) = collision else { return };
                     if !self.collide(&mut walk, &mut weight, events, (t, medium), known) {
@@ -265,7 +266,7 @@ impl<'s> Flight<'_, 's> {
                     let refracted =
                         matches!(at.reflection, Reflection::Dielectric(..)) && direction.dot(at.normal) < 0.0;
                     known &= refracted && self.tracer.straight_on();
-                    walk.leave(&at, direction);
+                    walk.leave(at, direction);
                 }
                 Stop::Escaped => return,
             }
