@@ -58,26 +58,28 @@ impl List {
     }
 
     /// Radiance in a homogeneous grey medium under Henyey and Greenstein's phase function, along a ray with two
-    /// directions across it; `None` without AVX-512.
-    pub fn evaluate(&self, ray: &Prepared, sigma: f32, g: f32) -> Option<Vec3> {
-        #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx512f") {
-            // SAFETY: the feature is there.
-            return Some(unsafe { avx512::evaluate(&self.fields, ray, sigma, g) });
+    /// directions across it, by an instruction set that this machine has; `None` for those without a floor.
+    pub fn evaluate(&self, ray: &Prepared, sigma: f32, g: f32, instructions: &str) -> Option<Vec3> {
+        match instructions {
+            // SAFETY: the features are there.
+            #[cfg(target_arch = "x86_64")]
+            "AVX-512" => Some(unsafe { avx512::evaluate(&self.fields, ray, sigma, g) }),
+            // SAFETY: as above.
+            #[cfg(target_arch = "x86_64")]
+            "AVX2" => Some(unsafe { avx2::evaluate(&self.fields, ray, sigma, g) }),
+            _ => None,
         }
-        let _ = (ray, sigma, g);
-        None
     }
 }
 
+/// Minimax coefficients of (2^f − 1)/f on [−½, ½].
+const EXP2: [f32; 6] =
+    [std::f32::consts::LN_2, 0.240_226_53, 0.055_503_106, 0.009_617_693, 0.001_340_664_4, 0.000_155_946_77];
+
 #[cfg(target_arch = "x86_64")]
 mod avx512 {
-    use super::{Prepared, Vec3, WIDTH};
+    use super::{EXP2, Prepared, Vec3, WIDTH};
     use std::arch::x86_64::*;
-
-    /// Minimax coefficients of (2^f − 1)/f on [−½, ½].
-    const EXP2: [f32; 6] =
-        [std::f32::consts::LN_2, 0.240_226_53, 0.055_503_106, 0.009_617_693, 0.001_340_664_4, 0.000_155_946_77];
 
     #[target_feature(enable = "avx512f")]
     fn dot(x: [__m512; 3], v: [__m512; 3], offset: __m512) -> __m512 {
@@ -127,5 +129,71 @@ mod avx512 {
         }
         let scale = (1.0 - g * g) * 0.25 * std::f32::consts::FRAC_1_PI;
         Vec3::new(_mm512_reduce_add_ps(red), _mm512_reduce_add_ps(green), _mm512_reduce_add_ps(blue)) * scale
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+mod avx2 {
+    use super::{EXP2, Prepared, Vec3};
+    use std::arch::x86_64::*;
+
+    #[target_feature(enable = "avx2,fma")]
+    fn dot(x: [__m256; 3], v: [__m256; 3], offset: __m256) -> __m256 {
+        _mm256_fmadd_ps(x[0], v[0], _mm256_fmadd_ps(x[1], v[1], _mm256_fmadd_ps(x[2], v[2], offset)))
+    }
+
+    #[target_feature(enable = "avx2,fma")]
+    fn splat3(v: Vec3) -> [__m256; 3] {
+        [_mm256_set1_ps(v.x), _mm256_set1_ps(v.y), _mm256_set1_ps(v.z)]
+    }
+
+    #[target_feature(enable = "avx2,fma")]
+    fn total(lanes: __m256) -> f32 {
+        let mut numbers = [0.0; 8];
+        // SAFETY: the array holds eight numbers, any alignment.
+        unsafe { _mm256_storeu_ps(numbers.as_mut_ptr(), lanes) };
+        numbers.iter().sum()
+    }
+
+    #[target_feature(enable = "avx2,fma")]
+    pub fn evaluate(fields: &[Vec<f32>; 10], ray: &Prepared, sigma: f32, g: f32) -> Vec3 {
+        let (omega, u, v) = (splat3(ray.axes[0]), splat3(ray.axes[1]), splat3(ray.axes[2]));
+        let [t0, a0, b0] = ray.offsets;
+        let (t0, a0, b0) = (_mm256_set1_ps(t0), _mm256_set1_ps(a0), _mm256_set1_ps(b0));
+        let exponent = _mm256_set1_ps(-sigma * std::f32::consts::LOG2_E);
+        let (base, slope) = (_mm256_set1_ps(1.0 + g * g), _mm256_set1_ps(2.0 * g));
+        let (zero, one) = (_mm256_setzero_ps(), _mm256_set1_ps(1.0));
+        let (mut red, mut green, mut blue) = (zero, zero, zero);
+        for at in (0..fields[0].len()).step_by(8) {
+            // SAFETY: every field has whole vectors there.
+            let load = |field: usize| unsafe { _mm256_loadu_ps(fields[field].as_ptr().add(at)) };
+            let x = [load(0), load(1), load(2)];
+            let t = dot(x, omega, t0);
+            let a = dot(x, u, a0);
+            let b = dot(x, v, b0);
+            let q = _mm256_fnmadd_ps(_mm256_fmadd_ps(a, a, _mm256_mul_ps(b, b)), load(3), one);
+            let met = _mm256_and_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(zero, q), _mm256_cmp_ps::<_CMP_LT_OQ>(zero, t));
+            let base = _mm256_fmadd_ps(dot([load(4), load(5), load(6)], omega, zero), slope, base);
+            let y = _mm256_rsqrt_ps(base);
+            let half = _mm256_mul_ps(_mm256_mul_ps(base, _mm256_set1_ps(0.5)), y);
+            let y = _mm256_mul_ps(y, _mm256_fnmadd_ps(half, y, _mm256_set1_ps(1.5)));
+            let exponents = _mm256_max_ps(_mm256_mul_ps(t, exponent), _mm256_set1_ps(-126.0));
+            let n = _mm256_round_ps::<8>(exponents);
+            let f = _mm256_sub_ps(exponents, n);
+            let mut p = _mm256_set1_ps(EXP2[5]);
+            for index in (0..5).rev() {
+                p = _mm256_fmadd_ps(p, f, _mm256_set1_ps(EXP2[index]));
+            }
+            let power = _mm256_slli_epi32::<23>(_mm256_cvtps_epi32(n));
+            let passed = _mm256_castps_si256(_mm256_fmadd_ps(p, f, one));
+            let passed = _mm256_castsi256_ps(_mm256_add_epi32(passed, power));
+            let weight = _mm256_mul_ps(_mm256_mul_ps(q, q), _mm256_mul_ps(_mm256_mul_ps(y, y), y));
+            let weight = _mm256_and_ps(met, _mm256_mul_ps(weight, passed));
+            red = _mm256_fmadd_ps(weight, load(7), red);
+            green = _mm256_fmadd_ps(weight, load(8), green);
+            blue = _mm256_fmadd_ps(weight, load(9), blue);
+        }
+        let scale = (1.0 - g * g) * 0.25 * std::f32::consts::FRAC_1_PI;
+        Vec3::new(total(red), total(green), total(blue)) * scale
     }
 }

@@ -1,6 +1,7 @@
 //! Speed of the photon map: building it, and beam queries in nanoseconds per gathered photon and
 //! per ray, by kind of medium. One thread for queries. `cargo bench --bench beam`; a number after
-//! `--` sets how many photons (default 1 000 000).
+//! `--` sets how many photons (default 1 000 000), `AVX-512`, `AVX2` or `portable` the instructions of queries
+//! (default the fastest).
 //!
 //! Even: photons spread over a cube five wide, seen from within, from the middle of a face, at 50 degrees. Beams: six
 //! narrow cones in a larger box, seen from a wall of it at 70 degrees.
@@ -22,7 +23,7 @@ use volpm::math::random::{Purpose, Stream};
 use volpm::math::{Frame, Ray};
 use volpm::medium::density::bricks::{BrickGrid, NegativePolicy};
 use volpm::medium::density::{Density, Grid};
-use volpm::photon::{Disc, MapSettings, Photon, PhotonMap, Radius};
+use volpm::photon::{Disc, Instructions, MapSettings, Photon, PhotonMap, Radius};
 
 const SIGMA: f32 = 0.4;
 
@@ -282,7 +283,8 @@ fn measure_pruning(map: &PhotonMap, rays: &[Ray], template: &BeamQuery) {
 }
 
 /// The floor, and the hierarchy of the paper, on some of the rays.
-fn compare(map: &PhotonMap, rays: &[Ray]) {
+fn compare(map: &PhotonMap, rays: &[Ray], instructions: Instructions) {
+    let name = instructions.to_string();
     let discs: Vec<Disc> = map.discs().collect();
     let some: Vec<&Ray> = rays.iter().step_by(rays.len().div_ceil(32)).collect();
     let (mut gathered, mut spent) = (0, 0.0);
@@ -298,7 +300,7 @@ fn compare(map: &PhotonMap, rays: &[Ray]) {
             .filter_map(|_| {
                 let start = seconds();
                 for _ in 0..times {
-                    std::hint::black_box(list.evaluate(std::hint::black_box(&prepared), SIGMA, 0.75)?);
+                    std::hint::black_box(list.evaluate(std::hint::black_box(&prepared), SIGMA, 0.75, &name)?);
                 }
                 Some((seconds() - start) / times as f64)
             })
@@ -306,7 +308,7 @@ fn compare(map: &PhotonMap, rays: &[Ray]) {
         gathered += list.len();
         spent += best;
     }
-    println!("  {:34} {:7.3} ns/photon", "floor, HG 0.75", spent * 1e9 / gathered as f64);
+    println!("  {:34} {:7.3} ns/photon", format!("floor, HG 0.75, {name}"), spent * 1e9 / gathered as f64);
 
     let paper = paper::Paper::build(discs);
     let (mut photons, mut worst, mut best) = (0, 0.0f32, f64::INFINITY);
@@ -347,7 +349,7 @@ fn query(phase: &PhaseLanes) -> BeamQuery<'_> {
     }
 }
 
-fn build(name: &str, photons: &[Photon], radius: Radius) -> PhotonMap {
+fn build(name: &str, photons: &[Photon], radius: Radius, instructions: Instructions) -> PhotonMap {
     let mut best = f64::INFINITY;
     let mut map = None;
     let settings = MapSettings::new(radius);
@@ -357,7 +359,8 @@ fn build(name: &str, photons: &[Photon], radius: Radius) -> PhotonMap {
         map = Some(PhotonMap::build(photons, &settings, &|_: Vec3, _: f32, _: &mut _| ()));
         best = best.min(start.elapsed().as_secs_f64());
     }
-    let map = map.unwrap();
+    let mut map = map.unwrap();
+    map.use_instructions(instructions);
     println!(
         "{name}: {} photons, {:?}, {:.1} bytes a photon; built in {:.3} s by {} threads",
         map.len(),
@@ -371,6 +374,10 @@ fn build(name: &str, photons: &[Photon], radius: Radius) -> PhotonMap {
 
 fn main() {
     let count = std::env::args().skip(1).find_map(|a| a.parse().ok()).unwrap_or(1_000_000);
+    let available = Instructions::available();
+    let named = |set: &&Instructions| std::env::args().skip(1).any(|a| a == set.to_string());
+    let set = *available.iter().find(named).unwrap_or(&available[0]);
+    println!("queries by {set}");
     let phases = [
         ("isotropic", PhaseLanes::new(Lobe::Isotropic)),
         ("Henyey-Greenstein 0.75", PhaseLanes::new(Lobe::HenyeyGreenstein(0.75))),
@@ -386,7 +393,7 @@ fn main() {
 
     let photons = photons::even(count);
     let variable = Radius::Variable { neighbours: 500, pilot: 23, max_radius: 1.0 };
-    let map = build("even, variable", &photons, variable);
+    let map = build("even, variable", &photons, variable, set);
     let rays = camera(DVec3::new(0.0, 0.0, -2.45), DVec3::Z, 50.0, 4096);
     for (name, phase) in &phases {
         measure(&format!("camera, {name}"), &map, &rays, &query(phase));
@@ -400,26 +407,26 @@ fn main() {
     measure("anyhow", &map, &anyhow(2000), &plain);
     measure_streams("anyhow", &map, &anyhow(8192), &plain);
     measure_pruning(&map, &rays, &plain);
-    compare(&map, &rays);
+    compare(&map, &rays, set);
 
     for radius in [0.02, 0.04, 0.06, 0.1] {
-        let map = build("even, fixed", &photons, Radius::Fixed(radius));
+        let map = build("even, fixed", &photons, Radius::Fixed(radius), set);
         measure("camera", &map, &rays, &plain);
         measure_bundles("camera", &map, &rays, &plain);
         measure("anyhow", &map, &anyhow(4000), &plain);
         measure_streams("anyhow", &map, &anyhow(8192), &plain);
-        compare(&map, &rays);
+        compare(&map, &rays, set);
     }
 
     let mut piled = photons;
     for photon in piled.iter_mut().step_by(2) {
         photon.position = Vec3::splat(0.1);
     }
-    build("even, but half at one place, variable", &piled, variable);
+    build("even, but half at one place, variable", &piled, variable, set);
 
-    let map = build("beams, variable", &photons::beams(count), variable);
+    let map = build("beams, variable", &photons::beams(count), variable, set);
     let rays = camera(DVec3::new(0.0, -14.0, -0.5), DVec3::Y, 70.0, 16384);
     measure("camera", &map, &rays, &plain);
     measure_bundles("camera", &map, &rays, &plain);
-    compare(&map, &rays);
+    compare(&map, &rays, set);
 }

@@ -27,33 +27,28 @@ impl Cuboid {
 
     /// Slabs by division, so that a ray that runs in a face is inside and one that meets an edge
     /// still has an entry and an exit.
+    #[inline]
     pub(super) fn crossings(&self, ray: &Ray, visit: &mut impl FnMut(f64, u32)) {
-        let (min, max) = (self.bounds.min.to_array(), self.bounds.max.to_array());
-        let (origin, direction) = (ray.origin.to_array(), ray.direction.to_array());
-        let (mut t0, mut t1) = (f64::NEG_INFINITY, f64::INFINITY);
-        let (mut enter, mut leave) = (0, 0);
-        for axis in 0..3 {
-            let (o, d) = (origin[axis], direction[axis]);
-            if d == 0.0 {
-                if o < min[axis] || o > max[axis] {
-                    return;
-                }
-                continue;
+        let Bounds { min, max } = self.bounds;
+        let Ray { origin, direction } = *ray;
+        // A ray within two parallel faces meets neither; one beside them nothing.
+        let parallel = direction.cmpeq(DVec3::ZERO);
+        let (mut low, mut high) = ((min - origin) / direction, (max - origin) / direction);
+        if parallel.any() {
+            if (parallel & (origin.cmplt(min) | origin.cmpgt(max))).any() {
+                return;
             }
-            let face = 2 * axis as u32;
-            let (near, far) = ((min[axis] - o) / d, (max[axis] - o) / d);
-            let (near, far, near_face, far_face) =
-                if d > 0.0 { (near, far, face, face + 1) } else { (far, near, face + 1, face) };
-            if near > t0 {
-                (t0, enter) = (near, near_face);
-            }
-            if far < t1 {
-                (t1, leave) = (far, far_face);
-            }
+            low = DVec3::select(parallel, DVec3::NEG_INFINITY, low);
+            high = DVec3::select(parallel, DVec3::INFINITY, high);
         }
+        let (near, far) = (low.min(high), low.max(high));
+        let (t0, t1) = (near.max_element(), far.min_element());
         if t0 <= t1 {
-            visit(t0, enter);
-            visit(t1, leave);
+            let face = |axis: usize, upper: bool| 2 * axis as u32 + u32::from(upper);
+            let first = |t: f64, of: DVec3| (0..2).find(|&axis| of[axis] == t).unwrap_or(2);
+            let (enter, leave) = (first(t0, near), first(t1, far));
+            visit(t0, face(enter, direction[enter] < 0.0));
+            visit(t1, face(leave, direction[leave] > 0.0));
         }
     }
 

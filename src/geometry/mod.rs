@@ -129,7 +129,6 @@ pub struct Near {
 #[derive(Debug)]
 pub struct Geometry {
     placed: Vec<Placed>,
-    /// Measured to win over a loop from four shapes on.
     tree: Tree,
     bounds: Bounds,
 }
@@ -185,13 +184,19 @@ impl Geometry {
                 nearest = crossing.t;
                 let last = nearest + error_bound(ray, nearest);
                 limit = limit.min(last.next_up());
-                crossings.retain(|c| c.t <= last);
+                if !crossings.is_empty() {
+                    crossings.retain(|c| c.t <= last);
+                }
             }
             crossings.push(crossing);
             limit
         });
-        crossings.sort_unstable_by(|a, b| a.t.total_cmp(&b.t).then((a.id, a.primitive).cmp(&(b.id, b.primitive))));
-        hits.extend(crossings.iter().map(|c| self.hit(ray, c)));
+        if crossings.len() > 1 {
+            crossings.sort_unstable_by(|a, b| a.t.total_cmp(&b.t).then((a.id, a.primitive).cmp(&(b.id, b.primitive))));
+        }
+        for crossing in crossings.iter() {
+            hits.push(self.hit(ray, crossing));
+        }
         !hits.is_empty()
     }
 
@@ -235,6 +240,20 @@ impl Geometry {
     /// way, but always the same.
     pub fn contains(&self, id: u32, p: DVec3) -> bool {
         self.placed[id as usize].contains(p)
+    }
+
+    /// Whether a closed shape contains all of a box, or nothing of it; `None` where neither is certain.
+    pub fn contains_all(&self, id: u32, bounds: &Bounds) -> Option<bool> {
+        let placed = &self.placed[id as usize];
+        if !placed.bounds().overlaps(bounds) {
+            return Some(false);
+        }
+        let convex = matches!(placed.shape(), Shape::Sphere(_) | Shape::Cuboid(_) | Shape::Cylinder(_));
+        if convex && bounds.corners().into_iter().all(|corner| placed.contains(corner)) {
+            return Some(true);
+        }
+        let (center, reach) = (bounds.center(), 0.5 * bounds.diagonal());
+        (placed.clearance(center, 2.0 * reach) > reach).then(|| placed.contains(center))
     }
 
     /// The ids of all closed shapes that contain `p` go into `out`, ascending.

@@ -1,7 +1,7 @@
 //! A hierarchy of boxes for finding what a ray or a box meets.
 
 use crate::math::{Bounds, DVec3, Ray, Vec3};
-use glam::{UVec2, Vec3A};
+use glam::{BVec4A, UVec2, Vec3A, Vec4};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::node::Bvh2Node;
@@ -17,6 +17,8 @@ use smallvec::SmallVec;
 #[derive(Debug)]
 pub(super) struct Tree {
     nodes: CwBvh,
+    /// All boxes, if there are few.
+    few: Option<Few>,
     /// Around the padded boxes.
     bounds: Bounds,
     diagonal: f64,
@@ -29,6 +31,81 @@ pub(super) struct Tree {
 const PADDING: f64 = 1e-5;
 /// The nodes' test ignores what lies nearer than 1e-4, so rays start before the cube.
 const LEAD: f64 = 1e-2;
+
+/// Up to so many boxes are tested one by one: all of them are done before two nodes are unpacked.
+const FEW: usize = 32;
+
+/// Boxes in fours, in the order of a tree.
+#[derive(Debug)]
+struct Few {
+    /// Lower and upper faces along x, y and z.
+    fours: Vec<[Vec4; 6]>,
+}
+
+impl Few {
+    fn new<'a>(boxes: impl Iterator<Item = &'a Aabb>) -> Self {
+        let mut fours: Vec<[Vec4; 6]> = Vec::new();
+        for (i, of) in boxes.enumerate() {
+            if i % 4 == 0 {
+                // Places to spare hold boxes that nothing meets.
+                let (low, high) = (Vec4::INFINITY, Vec4::NEG_INFINITY);
+                fours.push([low, high, low, high, low, high]);
+            }
+            for axis in 0..3 {
+                fours[i / 4][2 * axis][i % 4] = of.min[axis];
+                fours[i / 4][2 * axis + 1][i % 4] = of.max[axis];
+            }
+        }
+        Few { fours }
+    }
+
+    /// Calls `visit` for every box met from `origin` on, up to `t_max`; it returns the new `t_max`. What rounding shifts
+    /// along the ray, the boxes' padding does more.
+    #[inline(always)]
+    fn along(&self, origin: DVec3, direction: DVec3, mut t_max: f32, mut visit: impl FnMut(u32) -> f32) {
+        // Parallel to faces is nearly so: nothing is infinite, nothing undefined.
+        let oblique = |d: f64| if d.abs() < 1e-30 { 1e-30 } else { d };
+        let [x, y, z] = direction.to_array().map(oblique);
+        let steep = |d: f64| Vec4::splat((1.0 / d) as f32);
+        let (ix, iy, iz) = (steep(x), steep(y), steep(z));
+        let from = origin.as_vec3();
+        let (ox, oy, oz) = (Vec4::splat(from.x), Vec4::splat(from.y), Vec4::splat(from.z));
+        let turned = |d: f64| usize::from(d < 0.0);
+        let (x, y, z) = (turned(x), turned(y), turned(z));
+        let mut entries = [0.0; FEW];
+        let mut met = 0u32;
+        for (i, (faces, entries)) in self.fours.iter().zip(entries.as_chunks_mut().0).enumerate() {
+            let enter = ((faces[x] - ox) * ix).max((faces[2 + y] - oy) * iy).max((faces[4 + z] - oz) * iz);
+            let leave = ((faces[1 - x] - ox) * ix).min((faces[3 - y] - oy) * iy).min((faces[5 - z] - oz) * iz);
+            let enter = enter.max(Vec4::ZERO);
+            met |= enter.cmple(leave.min(Vec4::splat(t_max))).bitmask() << (4 * i);
+            *entries = enter.to_array();
+        }
+        while met != 0 {
+            let i = met.trailing_zeros();
+            met &= met - 1;
+            if entries[i as usize % FEW] <= t_max {
+                t_max = visit(i);
+            }
+        }
+    }
+
+    /// Calls `visit` for every box that overlaps `query`.
+    fn overlapping(&self, query: &Aabb, mut visit: impl FnMut(u32)) {
+        for (i, faces) in self.fours.iter().enumerate() {
+            let mut both = BVec4A::from_array([true; 4]);
+            for axis in 0..3 {
+                both &= faces[2 * axis].cmple(Vec4::splat(query.max[axis]));
+                both &= faces[2 * axis + 1].cmpge(Vec4::splat(query.min[axis]));
+            }
+            let mut met = both.bitmask();
+            while met != 0 {
+                visit(4 * i as u32 + met.trailing_zeros());
+                met &= met - 1;
+            }
+        }
+    }
+}
 
 /// Groups of nodes still to be visited: deep trees spill to the heap.
 type Pending = SmallVec<[UVec2; 24]>;
@@ -53,8 +130,9 @@ impl Tree {
             })
             .collect();
         let nodes = bvh2_to_cwbvh(&halved(&boxes), 3, true, false);
+        let few = (boxes.len() <= FEW).then(|| Few::new(nodes.primitive_indices.iter().map(|&i| &boxes[i as usize])));
         let bounds = all.grown(2.0 * PADDING * half);
-        Tree { nodes, diagonal: bounds.diagonal(), bounds, center, scale }
+        Tree { nodes, few, diagonal: bounds.diagonal(), bounds, center, scale }
     }
 
     /// The order in which boxes should lie in memory: `order()[i]` is the index of the box that a
@@ -69,6 +147,20 @@ impl Tree {
     #[inline]
     pub fn along(&self, ray: &Ray, t_min: f64, t_max: f64, mut visit: impl FnMut(u32) -> f64) {
         if self.nodes.nodes.is_empty() {
+            return;
+        }
+        if let Some(few) = &self.few {
+            let start = if self.bounds.contains(ray.at(t_min)) {
+                t_min
+            } else {
+                let Some((start, _)) = self.bounds.clip(ray, t_min, t_max) else { return };
+                start
+            };
+            let origin = (ray.at(start) - self.center) * self.scale;
+            if origin.is_finite() {
+                let rounded = |t: f64| ((t - start) * (1.0 + 1e-6)) as f32;
+                few.along(origin, ray.direction * self.scale, rounded(t_max), |index| rounded(visit(index)));
+            }
             return;
         }
         let speed = ray.direction.length();
@@ -112,6 +204,10 @@ impl Tree {
             min: ((near.min - self.center) * self.scale - PADDING).as_vec3a(),
             max: ((near.max - self.center) * self.scale + PADDING).as_vec3a(),
         };
+        if let Some(few) = &self.few {
+            few.overlapping(&cube, visit);
+            return;
+        }
         self.walk(
             0,
             &mut (),

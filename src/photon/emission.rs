@@ -62,12 +62,11 @@ impl<'s> Sources<'s> {
     pub fn new(scene: &'s Scene) -> Self {
         let mut sources = Vec::new();
         let mut powers = Vec::new();
-        let boxes: Vec<Bounds> = scene.solids.iter().map(|solid| scene.geometry.bounds(solid.shape)).collect();
         for (index, light) in scene.lights.iter().enumerate() {
             let inside = match light {
                 Light::Point(point) => Some(scene.inside(point.position)),
                 Light::Spot(spot) => Some(scene.inside(spot.position)),
-                Light::Area(area) if !boxes.iter().any(|solid| solid.overlaps(&area.bounds)) => Some(Inside::default()),
+                Light::Area(area) => inside_all(scene, &area.bounds),
                 _ => scene.solids.is_empty().then(Inside::default),
             };
             sources.push(Source::Light(index as u32, inside));
@@ -253,4 +252,18 @@ impl Target {
         let inside = self.axis(from).is_none_or(|axis| 0.5 * (axis - direction).length_squared() <= opening);
         if inside { 1.0 / (2.0 * PI * opening) } else { 0.0 }
     }
+}
+
+/// The solids around a light with this box, if they are certain to be the same for all photons that leave it.
+fn inside_all(scene: &Scene, bounds: &Bounds) -> Option<Inside> {
+    // Photons start a few roundings off the light, to the side that they leave on.
+    let margin = 1e-9 * (bounds.min.abs().max(bounds.max.abs()).max_element() + bounds.diagonal());
+    let bounds = bounds.grown(margin);
+    let mut around = Vec::new();
+    for (index, solid) in (0..).zip(&scene.solids) {
+        if scene.geometry.contains_all(solid.shape, &bounds)? {
+            around.push(index);
+        }
+    }
+    Some(Inside::of(around))
 }

@@ -2,6 +2,7 @@
 
 pub(crate) mod discs;
 mod emission;
+mod instructions;
 pub mod kernel;
 pub(crate) mod map;
 mod points;
@@ -12,6 +13,7 @@ mod uneven;
 pub mod walls;
 
 pub use emission::Sources;
+pub use instructions::Instructions;
 pub use map::{Disc, MapSettings, Photon, PhotonMap, Plane, Radii, Radius};
 pub use points::{Ball, PointMap, PointMemory, PointSettings};
 pub use trace::{Pass, Traced, trace};

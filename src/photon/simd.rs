@@ -18,7 +18,7 @@ pub(crate) enum Isa {
     /// AVX-512 F, BW, DQ and VL.
     #[cfg(target_arch = "x86_64")]
     Avx512,
-    /// AVX2 and FMA.
+    /// AVX2 and FMA, with POPCNT and BMI1, which came before them.
     #[cfg(target_arch = "x86_64")]
     Avx2,
     /// Whatever the crate was compiled for.
@@ -39,15 +39,18 @@ impl Isa {
         let mut sets = Vec::new();
         #[cfg(target_arch = "x86_64")]
         {
-            let fma = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
+            let avx2 = is_x86_feature_detected!("avx2")
+                && is_x86_feature_detected!("fma")
+                && is_x86_feature_detected!("popcnt")
+                && is_x86_feature_detected!("bmi1");
             let avx512 = is_x86_feature_detected!("avx512f")
                 && is_x86_feature_detected!("avx512bw")
                 && is_x86_feature_detected!("avx512dq")
                 && is_x86_feature_detected!("avx512vl");
-            if fma && avx512 && is_x86_feature_detected!("popcnt") && is_x86_feature_detected!("bmi1") {
+            if avx2 && avx512 {
                 sets.push(Isa::Avx512);
             }
-            if fma {
+            if avx2 {
                 sets.push(Isa::Avx2);
             }
         }
@@ -81,7 +84,7 @@ fn run_avx512<T: Task>(task: T) -> T::Output {
 }
 
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma")]
+#[target_feature(enable = "avx2,fma,popcnt,bmi1")]
 fn run_avx2<T: Task>(task: T) -> T::Output {
     task.run::<x86::Avx2>()
 }
@@ -382,7 +385,7 @@ mod x86 {
     // SAFETY, for every `unsafe` in this module: the functions are reached only through
     // `Isa::run`, inlined into a function compiled for the features their intrinsics need; loads
     // and stores go through references to whole rows, whose alignment is 64 bytes.
-    use super::{EXP2_MIN, LANES, Lanes, Row, compress_scalar, exp2_fraction};
+    use super::{EXP2_MIN, LANES, Lanes, Row, exp2_fraction};
     use std::arch::x86_64::*;
 
     const NEAREST: i32 = _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC;
@@ -540,6 +543,36 @@ mod x86 {
     /// A mask in two registers, all bits of a lane set or clear.
     #[derive(Clone, Copy)]
     pub(crate) struct Mask2(__m256, __m256);
+
+    /// For each choice of eight lanes, where packed ones come from.
+    static PACKING: [[u8; 8]; 256] = {
+        let mut table = [[0; 8]; 256];
+        let mut bits = 0;
+        while bits < 256 {
+            let (mut lane, mut place) = (0, 0);
+            while lane < 8 {
+                if bits >> lane & 1 == 1 {
+                    table[bits][place] = lane as u8;
+                    place += 1;
+                }
+                lane += 1;
+            }
+            bits += 1;
+        }
+        table
+    };
+
+    #[inline(always)]
+    fn bits_of_halves(bits: u16) -> (usize, usize) {
+        (usize::from(bits & 0xff), usize::from(bits >> 8))
+    }
+
+    /// Where the lanes of `bits`, below 256, come from once they are packed.
+    #[inline(always)]
+    unsafe fn packing(bits: usize) -> __m256i {
+        // SAFETY: see the head of the module; the row holds eight bytes, any alignment.
+        unsafe { _mm256_cvtepu8_epi32(_mm_loadl_epi64(PACKING[bits].as_ptr().cast())) }
+    }
 
     impl Avx2 {
         #[inline(always)]
@@ -700,13 +733,26 @@ mod x86 {
         }
         #[inline(always)]
         fn compress(self, bits: u16, out: &mut [f32; LANES]) {
-            let mut row = Row([0.0; LANES]);
-            self.store(&mut row);
-            compress_scalar(&row.0, bits, out);
+            let (low, high) = bits_of_halves(bits);
+            // SAFETY: see the head of the module; `out` holds sixteen numbers, any alignment, and the upper half's
+            // eight begin behind at most eight.
+            unsafe {
+                let second = out.as_mut_ptr().add(low.count_ones() as usize);
+                _mm256_storeu_ps(out.as_mut_ptr(), _mm256_permutevar8x32_ps(self.0, packing(low)));
+                _mm256_storeu_ps(second, _mm256_permutevar8x32_ps(self.1, packing(high)));
+            }
         }
         #[inline(always)]
         fn compress_indices(values: &[u32; LANES], bits: u16, out: &mut [u32; LANES]) {
-            compress_scalar(values, bits, out);
+            let (low, high) = bits_of_halves(bits);
+            // SAFETY: as above; `values` holds sixteen numbers, any alignment.
+            unsafe {
+                let (first, second) = (values.as_ptr().cast::<__m256i>(), values.as_ptr().add(8).cast::<__m256i>());
+                let first = _mm256_permutevar8x32_epi32(_mm256_loadu_si256(first), packing(low));
+                let second = _mm256_permutevar8x32_epi32(_mm256_loadu_si256(second), packing(high));
+                _mm256_storeu_si256(out.as_mut_ptr().cast(), first);
+                _mm256_storeu_si256(out.as_mut_ptr().add(low.count_ones() as usize).cast(), second);
+            }
         }
     }
 }

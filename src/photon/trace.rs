@@ -95,7 +95,7 @@ pub fn trace(
     let (mut collided, mut stored) = pilot(&tracer, piloted);
     if collided < SELDOM {
         tracer.sources.aim();
-        let chunks = tracer.run(pass, Purpose::Pilot, piloted, &|_, _| {}, stop);
+        let chunks = tracer.run(pass, Purpose::Pilot, (0..piloted, piloted), &|_, _| {}, stop);
         let powers = || chunks.iter().flat_map(|chunk| chunk.photons.iter().map(|(_, photon)| photon.power));
         tracer.typical = typical(powers().map(|power| f64::from(power.element_sum())).collect());
         (collided, stored) = pilot(&tracer, piloted);
@@ -274,7 +274,8 @@ impl<'s> Flight<'_, 's> {
             if weight.max_element() <= 0.0 {
                 return;
             }
-            match stop {
+            // An interaction is large: it stays where it is.
+            match &stop {
                 Stop::Ended => {
                     let Some((t, medium)) = collision else { return };
                     if !self.collide(&mut walk, &mut weight, events, (t, medium), known) {
@@ -286,10 +287,10 @@ impl<'s> Flight<'_, 's> {
                 Stop::Surface(at) => {
                     let arriving = weight;
                     let Some(direction) = at.scatter(Side::Light, &mut weight, self.stream) else {
-                        self.aim(&at, &walk, arriving, events, forced);
+                        self.aim(at, &walk, arriving, events, forced);
                         return;
                     };
-                    if self.aim(&at, &walk, arriving, events, forced)
+                    if self.aim(at, &walk, arriving, events, forced)
                         && let Reflection::Lambert(lambert) = at.reflection
                     {
                         // What aims at solids brings its share of the light to them.
@@ -300,7 +301,7 @@ impl<'s> Flight<'_, 's> {
                     let refracted =
                         matches!(at.reflection, Reflection::Dielectric(..)) && direction.dot(at.normal) < 0.0;
                     known &= refracted && self.tracer.straight_on();
-                    walk.leave(&at, direction);
+                    walk.leave(at, direction);
                     let specular = matches!(at.reflection, Reflection::Dielectric(..) | Reflection::Mirror(_));
                     turns = if specular { turns + 1 } else { 0 };
                     if !transport::endures(turns, &mut weight, self.stream) {

@@ -62,7 +62,7 @@ impl PhotonMap {
         distances: &[f32; PLACES],
         density: &impl Fn(DVec3) -> f64,
     ) -> (Vec3, f32) {
-        let block = &self.blocks[index];
+        let block = self.blocks.get(index);
         let center = Vec3::from(block.position.each_ref().map(|row| row.0[lane]));
         let radius = block.inverse_square.0[lane].sqrt().recip();
         let walls = self.walls(index);

@@ -156,8 +156,8 @@ impl Film {
 
     /// Bytes that a film of this size takes at most, with what making it takes besides.
     pub fn bytes(width: u32, height: u32, layers: Layers, of_passes: bool) -> u64 {
-        // The sums of a round wait for all of its tiles; the image is made of them in the end.
-        let mut pixel = size_of::<Pixel>() + size_of::<(u32, u32, Sums)>() + size_of::<[f32; 3]>();
+        // The image is made of the sums in the end.
+        let mut pixel = size_of::<Pixel>() + size_of::<[f32; 3]>();
         if layers.components {
             pixel += size_of::<[[f32; 3]; COMPONENTS]>() + size_of::<First>();
             pixel += size_of::<[[f32; 3]; COMPONENTS]>() + size_of::<[f32; 7]>();

@@ -255,7 +255,7 @@ impl Clock {
     }
 
     /// Whether to take no more samples.
-    fn ends_samples(&self) -> bool {
+    pub(super) fn ends_samples(&self) -> bool {
         self.limit.is_some_and(|limit| match (self.image, self.pass.is_zero()) {
             (true, true) => self.start.elapsed() >= limit,
             (true, false) => self.start.elapsed() >= limit.mul_f64(1.0 + OVERTIME),
@@ -272,8 +272,8 @@ pub(super) struct Renderer<'s, P> {
     /// The maps of all passes, if there are such.
     shared: Option<&'s Maps>,
     pub(super) progress: &'s P,
-    stop: &'s AtomicBool,
-    clock: Clock,
+    pub(super) stop: &'s AtomicBool,
+    pub(super) clock: Clock,
     pub(super) film: Film,
     pub(super) stats: Stats,
     warnings: Vec<String>,

@@ -1,14 +1,17 @@
 //! Samples through the pixels of a tile.
 
 use std::ops::Range;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::{Mutex, PoisonError};
 
-use rayon::prelude::*;
-
+use super::camera::Camera;
 use super::eye::{Claim, Context, Eye, Mode};
 use super::film::Sums;
-use super::pass::{Progress, Renderer};
+use super::pass::{Clock, Progress, Renderer};
+use super::plan::Plan;
 use crate::gather::{GatherStats, Queue};
 use crate::math::Stream;
+use crate::scene::Scene;
 use crate::transport::Tally;
 
 /// Pixels along the edge of a tile, the work of one task.
@@ -27,6 +30,18 @@ struct Tile {
     tally: Tally,
 }
 
+/// A round of samples of all pixels.
+struct Round<'r, 's> {
+    scene: &'s Scene,
+    camera: &'r Camera,
+    plan: &'r Plan,
+    clock: &'r Clock,
+    stop: &'r AtomicBool,
+    eye: &'r Eye<'s>,
+    pass: u32,
+    samples: Range<u32>,
+}
+
 impl<P: Progress> Renderer<'_, P> {
     /// Samples all pixels, in rounds, the first of them short, so that an interrupted image is whole.
     pub(super) fn expose(&mut self, mode: Mode<'_>, pass: u32) {
@@ -37,26 +52,53 @@ impl<P: Progress> Renderer<'_, P> {
         let eye = Eye::new(self.scene, mode, traced.as_deref());
         let mut from = 0;
         while from < self.plan.samples && !self.stopped() {
-            let round = if pass == 0 { self.progress.round(from).clamp(1, ROUND) } else { ROUND };
-            let to = self.plan.samples.min(from.saturating_add(round));
-            let done: Vec<Option<Tile>> = (0..tiles)
-                .into_par_iter()
-                .map_init(Queue::default, |queue, tile| {
-                    (!self.stopped()).then(|| self.tile(&eye, tile, pass, from..to, queue))
-                })
-                .collect();
-            for tile in done.into_iter().flatten() {
-                tile.sums.iter().for_each(|(x, y, sum)| self.film.add(*x, *y, sum));
-                self.stats.gather += tile.gathered;
-                self.stats.tally = self.stats.tally.merge(tile.tally);
-            }
+            let most = if pass == 0 { self.progress.round(from).clamp(1, ROUND) } else { ROUND };
+            let to = self.plan.samples.min(from.saturating_add(most));
+            let round = Round {
+                scene: self.scene,
+                camera: &self.camera,
+                plan: &self.plan,
+                clock: &self.clock,
+                stop: self.stop,
+                eye: &eye,
+                pass,
+                samples: from..to,
+            };
+            // Each thread takes the next tile until there is none: the last ones are short of company for no longer
+            // than one takes.
+            let next = AtomicU32::new(0);
+            let image = Mutex::new((&mut self.film, &mut self.stats));
+            let progress = self.progress;
+            rayon::broadcast(|_| {
+                let mut queue = Queue::default();
+                while !round.stopped() {
+                    let number = next.fetch_add(1, Ordering::Relaxed);
+                    if number >= tiles {
+                        break;
+                    }
+                    let tile = round.tile(number, &mut queue);
+                    let mut image = image.lock().unwrap_or_else(PoisonError::into_inner);
+                    let (film, stats) = &mut *image;
+                    tile.sums.iter().for_each(|(x, y, sum)| film.add(*x, *y, sum));
+                    stats.gather += tile.gathered;
+                    stats.tally = stats.tally.merge(tile.tally);
+                    drop(image);
+                    progress.advance(u64::from(to - from));
+                }
+            });
             from = to;
             self.end_round();
         }
     }
+}
 
-    /// These samples of the pixels of a tile.
-    fn tile(&self, eye: &Eye<'_>, tile: u32, pass: u32, samples: Range<u32>, queue: &mut Queue<Claim>) -> Tile {
+impl Round<'_, '_> {
+    fn stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed) || self.clock.ends_samples()
+    }
+
+    /// Samples the pixels of a tile.
+    fn tile(&self, tile: u32, queue: &mut Queue<Claim>) -> Tile {
         let (width, height) = (self.scene.film.width, self.scene.film.height);
         let columns = width.div_ceil(TILE);
         let (x0, y0) = (tile % columns * TILE, tile / columns * TILE);
@@ -66,14 +108,14 @@ impl<P: Progress> Renderer<'_, P> {
             for index in 0..BUNDLE * BUNDLE {
                 let (x, y) = (x0 + every_second_bit(index), y0 + every_second_bit(index >> 1));
                 if x < width && y < height && !self.stopped() {
-                    self.pixel(eye, (x, y), pass, samples.clone(), queue, &mut done);
+                    self.pixel((x, y), queue, &mut done);
                 }
             }
-            if let Mode::Gather(maps) = eye.mode() {
+            if let Mode::Gather(maps) = self.eye.mode() {
                 maps.gather_bundles(queue);
             }
         }
-        if let Mode::Gather(maps) = eye.mode() {
+        if let Mode::Gather(maps) = self.eye.mode() {
             maps.gather_streams(queue);
             for (claim, gathered) in queue.done.drain(..) {
                 for (component, radiance) in claim.settle(&gathered, &mut done.tally) {
@@ -82,25 +124,16 @@ impl<P: Progress> Renderer<'_, P> {
             }
         }
         done.gathered = std::mem::take(&mut queue.stats);
-        self.progress.advance(samples.len() as u64);
         done
     }
 
-    fn pixel(
-        &self,
-        eye: &Eye<'_>,
-        (x, y): (u32, u32),
-        pass: u32,
-        samples: Range<u32>,
-        queue: &mut Queue<Claim>,
-        done: &mut Tile,
-    ) {
-        let Renderer { scene, camera, plan, .. } = self;
+    fn pixel(&self, (x, y): (u32, u32), queue: &mut Queue<Claim>, done: &mut Tile) {
+        let Round { scene, camera, plan, eye, pass, .. } = self;
         let pixel = y as u64 * scene.film.width as u64 + x as u64;
         let mut sum = Sums::default();
-        for sample in samples {
-            let number = pass as u64 * plan.samples as u64 + sample as u64;
-            let mut stream = Stream::of_sample(scene.render.seed, pixel, number, (pass, sample));
+        for sample in self.samples.clone() {
+            let number = *pass as u64 * plan.samples as u64 + sample as u64;
+            let mut stream = Stream::of_sample(scene.render.seed, pixel, number, (*pass, sample));
             let ray = camera.ray(x, y, &mut stream);
             let inside = plan.inside.clone().unwrap_or_else(|| scene.inside(ray.origin));
             let index = done.sums.len() as u32;

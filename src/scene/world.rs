@@ -80,10 +80,16 @@ pub struct Inside {
 }
 
 impl Clone for Inside {
-    /// In one piece: the derived one goes number by number, at every surface of every path.
+    /// One or two numbers in a register: the derived one goes number by number, at every surface of every path.
     #[inline]
     fn clone(&self) -> Self {
-        Inside { solids: SmallVec::from_slice(&self.solids) }
+        let solids = match self.solids[..] {
+            [] => SmallVec::new(),
+            [a] => SmallVec::from_buf_and_len([a, 0, 0, 0, 0, 0], 1),
+            [a, b] => SmallVec::from_buf_and_len([a, b, 0, 0, 0, 0], 2),
+            _ => SmallVec::from_slice(&self.solids),
+        };
+        Inside { solids }
     }
 }
 
@@ -156,7 +162,7 @@ impl Scene {
     /// Of several crossings of one solid at one place, as on an edge, the sum counts.
     pub fn cross(&self, inside: &Inside, cluster: &Cluster, direction: DVec3) -> Inside {
         let mut after = inside.clone();
-        if self.solids.is_empty() {
+        if cluster.hits().iter().all(|hit| self.surfaces[hit.id as usize].solid.is_none()) {
             return after;
         }
         let mut crossings: SmallVec<[(u32, i32); 6]> = SmallVec::new();

@@ -47,19 +47,19 @@ pub fn fly(
 ) -> Option<f64> {
     let sigma = medium.extinction;
     let Density::Grid(grid) = &medium.density else {
-        let w = shares(*weight);
         let length = stream.exponential();
-        let channel = if sigma == Rgb::splat(sigma.x) {
+        if sigma == Rgb::splat(sigma.x) {
+            // Both factors are 1.
+            return if sigma.x > 0.0 { medium.density.advance(ray, a, b, length / sigma.x) } else { None };
+        }
+        let w = shares(*weight);
+        let u = stream.uniform();
+        let channel = if u < w.x {
             sigma.x
+        } else if u < w.x + w.y {
+            sigma.y
         } else {
-            let u = stream.uniform();
-            if u < w.x {
-                sigma.x
-            } else if u < w.x + w.y {
-                sigma.y
-            } else {
-                sigma.z
-            }
+            sigma.z
         };
         // A channel without extinction never collides.
         let target = if channel > 0.0 { length / channel } else { f64::INFINITY };
