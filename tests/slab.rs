@@ -354,7 +354,8 @@ fn check(checks: &mut Checks, case: &Case, transmitted: bool, found: &Estimate, 
 #[test]
 fn slabs_by_path_tracing() {
     let mut checks = Checks::default();
-    for case in cases() {
+    // Those that photons do not take, and the last, which both do: all thicknesses, albedos and phase functions.
+    for (_, case) in cases().into_iter().enumerate().filter(|(index, _)| index % 2 == 1 || *index >= 6) {
         for transmitted in [false, true] {
             let samples = 2000 * case.samples[transmitted as usize];
             let found = Estimate::of(32, &wide(&case.row, transmitted, samples), &[]);

@@ -37,6 +37,8 @@ const PHOTON_BYTES: u64 = 48;
 const RADIUS_BYTES: u64 = 8;
 /// What is added by walls around all of them.
 const WALL_BYTES: u64 = 48;
+/// What is added where discs follow the density of a solid.
+const DENSITY_BYTES: u64 = 16;
 /// What the program takes without film, photons and densities.
 const PROGRAM_BYTES: u64 = 32 << 20;
 /// Parts of a pass with fewer photons than this are not worth their cost.
@@ -121,7 +123,11 @@ fn photon_bytes(scene: &Scene) -> u64 {
     let beams = scene.volume.estimate == Estimate::Beam;
     let radius = if beams && scene.volume.kernel == Kernel::Variable { RADIUS_BYTES } else { 0 };
     let walls = if beams && !scene.surfaces.is_empty() { WALL_BYTES } else { 0 };
-    PHOTON_BYTES + radius + walls
+    let uneven = |medium: Option<u32>| {
+        medium.is_some_and(|index| matches!(scene.media[index as usize].density, Density::Grid(_)))
+    };
+    let follows = beams && scene.solids.iter().any(|solid| uneven(solid.medium));
+    PHOTON_BYTES + radius + walls + if follows { DENSITY_BYTES } else { 0 }
 }
 
 /// Bytes of all grids.
