@@ -69,7 +69,8 @@ impl<P: Progress> Renderer<'_, P> {
             let next = AtomicU32::new(0);
             let image = Mutex::new((&mut self.film, &mut self.stats));
             let progress = self.progress;
-            rayon::broadcast(|_| {
+            // Tasks that busy threads do not take find no tile left.
+            let work = || {
                 let mut queue = Queue::default();
                 while !round.stopped() {
                     let number = next.fetch_add(1, Ordering::Relaxed);
@@ -85,7 +86,8 @@ impl<P: Progress> Renderer<'_, P> {
                     drop(image);
                     progress.advance(u64::from(to - from));
                 }
-            });
+            };
+            rayon::scope(|scope| (0..rayon::current_num_threads()).for_each(|_| scope.spawn(|_| work())));
             from = to;
             self.end_round();
         }
