@@ -1,6 +1,6 @@
 use super::facing::Facing;
 use super::placed::Face;
-use super::tree::Tree;
+use super::tree::{Children, Search, Tree};
 use crate::math::{Bounds, DVec3, Ray, Vec3};
 use crate::{Error, Result};
 use glam::Vec2;
@@ -60,11 +60,81 @@ struct Way {
     normal: DVec3,
 }
 
-/// Triangles near a point.
-struct Found {
+/// A search for triangles near a point.
+struct Walls<'m> {
+    mesh: &'m Mesh,
+    facing: &'m [Facing],
+    p: DVec3,
+    radius: f64,
     nearest: Option<Way>,
     /// Those that the point stands over, from near to far.
     ways: SmallVec<[Way; 8]>,
+}
+
+/// Sine and cosine of the angle of [`SAME_WAY`].
+const OVER: [f32; 2] = [0.312_249_9, SAME_WAY as f32];
+
+impl Search for Walls<'_> {
+    fn limit(&self) -> f64 {
+        self.ways.get(MOST_WAYS - 1).map_or(self.radius, |last| last.distance)
+    }
+
+    fn nearest(&self) -> f64 {
+        self.nearest.map_or(self.radius, |nearest| nearest.distance)
+    }
+
+    fn wants(&self, node: u32, children: &Children) -> u8 {
+        let facing = &self.facing[node as usize];
+        let mut wanted = facing.may_face(children, OVER);
+        for way in &self.ways {
+            let reach2 = self.mesh.tree.reach2(way.distance);
+            let mut behind = 0;
+            for (child, distance2) in children.distance2.iter().enumerate() {
+                behind |= u8::from(*distance2 > reach2) << child;
+            }
+            wanted &= !(behind & facing.are_along(way.normal.as_vec3(), OVER));
+        }
+        wanted
+    }
+
+    fn visit(&mut self, triangle: u32) {
+        let p = self.p;
+        let limit = self.limit();
+        let corners @ [a, b, c] = self.mesh.corners(triangle);
+        let cross = (b - a).cross(c - a);
+        let (above, size2) = ((p - a).dot(cross), cross.length_squared());
+        let same = |way: &Way| {
+            let cos = cross.dot(way.normal);
+            cos > 0.0 && cos * cos > SAME_WAY * SAME_WAY * size2
+        };
+        // A triangle is not nearer than its plane, and along that no nearer than a corner less the longer edge there.
+        let apart2 = if size2 > 0.0 { above * above / size2 } else { 0.0 };
+        let along = ((p - a).length_squared() - apart2).max(0.0).sqrt();
+        let edge = (b - a).length_squared().max((c - a).length_squared()).sqrt();
+        let least2 = apart2 + (along - edge).max(0.0).powi(2);
+        let behind = |way: &Way| least2 >= way.distance * way.distance;
+        // No nearer than what is found, and too far aside for the point to stand over it, or hidden.
+        let useless = || apart2 < SAME_WAY * SAME_WAY * least2 || self.ways.iter().any(|way| behind(way) && same(way));
+        if least2 > limit * limit || self.nearest.is_some_and(|way| behind(&way)) && useless() {
+            return;
+        }
+        let on = Face::Triangle(corners).closest(p);
+        let way = Way { distance: on.distance(p), triangle, on, normal: cross.normalize_or(DVec3::Y) };
+        if way.distance > limit {
+            return;
+        }
+        if self.nearest.is_none_or(|nearest| way.distance < nearest.distance) {
+            self.nearest = Some(way);
+        }
+        let over = size2 > 0.0 && above * above >= (SAME_WAY * way.distance).powi(2) * size2;
+        if !over || self.ways.iter().any(|other| other.distance <= way.distance && same(other)) {
+            return;
+        }
+        self.ways.retain(|other| !same(other));
+        let place = self.ways.partition_point(|other| other.distance <= way.distance);
+        self.ways.insert(place, way);
+        self.ways.truncate(MOST_WAYS);
+    }
 }
 
 impl Mesh {
@@ -334,57 +404,9 @@ impl Mesh {
     /// those that face the same way the nearest is given, and of the ways the [`MOST_WAYS`] that have the nearest.
     pub(super) fn faces_near(&self, p: DVec3, radius: f64, visit: &mut impl FnMut(u32, DVec3, DVec3)) {
         let facing = self.facing.get_or_init(|| Facing::of(&self.tree, |i| self.normal(i)));
-        let q = self.tree.in_cube(p);
-        let over = [(1.0 - SAME_WAY * SAME_WAY).sqrt() as f32, SAME_WAY as f32];
-        let mut found = Found { nearest: None, ways: SmallVec::new() };
-        let enter = |node: u32, distance: f64, Found { nearest, ways }: &Found| {
-            let facing = &facing[node as usize];
-            let hides = |way: &Way| way.distance <= distance && facing.is_along(way.normal.as_vec3(), over);
-            nearest.is_none_or(|nearest| distance < nearest.distance)
-                || facing.may_face(q, over) && !ways.iter().any(hides)
-        };
-        self.tree.near_where(p, radius, &mut found, enter, |i, Found { nearest, ways }| {
-            let limit = match ways.get(MOST_WAYS - 1) {
-                Some(last) => last.distance,
-                None => radius,
-            };
-            let corners @ [a, b, c] = self.corners(i);
-            let cross = (b - a).cross(c - a);
-            let (above, size2) = ((p - a).dot(cross), cross.length_squared());
-            let same = |way: &Way| {
-                let cos = cross.dot(way.normal);
-                cos > 0.0 && cos * cos > SAME_WAY * SAME_WAY * size2
-            };
-            // A triangle is not nearer than its plane, and along that no nearer than a corner less the longer edge there.
-            let apart2 = if size2 > 0.0 { above * above / size2 } else { 0.0 };
-            let along = ((p - a).length_squared() - apart2).max(0.0).sqrt();
-            let edge = (b - a).length_squared().max((c - a).length_squared()).sqrt();
-            let least2 = apart2 + (along - edge).max(0.0).powi(2);
-            let behind = |way: &Way| least2 >= way.distance * way.distance;
-            if least2 > limit * limit
-                || nearest.is_some_and(|way| behind(&way)) && ways.iter().any(|way| behind(way) && same(way))
-            {
-                return limit;
-            }
-            let on = Face::Triangle(corners).closest(p);
-            let way = Way { distance: on.distance(p), triangle: i, on, normal: cross.normalize_or(DVec3::Y) };
-            if way.distance > limit {
-                return limit;
-            }
-            if nearest.is_none_or(|nearest| way.distance < nearest.distance) {
-                *nearest = Some(way);
-            }
-            let over = size2 > 0.0 && above * above >= (SAME_WAY * way.distance).powi(2) * size2;
-            if !over || ways.iter().any(|other| other.distance <= way.distance && same(other)) {
-                return limit;
-            }
-            ways.retain(|other| !same(other));
-            let place = ways.partition_point(|other| other.distance <= way.distance);
-            ways.insert(place, way);
-            ways.truncate(MOST_WAYS);
-            if let (MOST_WAYS, Some(last)) = (ways.len(), ways.last()) { last.distance } else { limit }
-        });
-        let Found { nearest, ways } = found;
+        let mut walls = Walls { mesh: self, facing, p, radius, nearest: None, ways: SmallVec::new() };
+        self.tree.search(p, &mut walls);
+        let Walls { nearest, ways, .. } = walls;
         let alone = nearest.filter(|nearest| ways.iter().all(|way| way.triangle != nearest.triangle));
         alone.iter().chain(&ways).for_each(|way| visit(way.triangle, way.on, way.normal));
     }

@@ -259,13 +259,17 @@ impl Geometry {
     /// The ids of all closed shapes that contain `p` go into `out`, ascending.
     pub fn containing(&self, p: DVec3, out: &mut SmallVec<[u32; 8]>) {
         out.clear();
-        self.tree.overlapping(&Bounds { min: p, max: p }, |i| {
-            let id = self.tree.order()[i as usize];
+        self.boxes_around(p, |id| {
             if self.contains(id, p) {
                 out.push(id);
             }
         });
         out.sort_unstable();
+    }
+
+    /// Calls `visit` with the ids of shapes whose box contains `p`, and a few more.
+    pub fn boxes_around(&self, p: DVec3, mut visit: impl FnMut(u32)) {
+        self.tree.overlapping(&Bounds { min: p, max: p }, |i| visit(self.tree.order()[i as usize]));
     }
 
     /// The area of a shape in the world.

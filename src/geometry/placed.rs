@@ -468,18 +468,32 @@ impl Face {
         let (d, uu, uv, vv) = (p - o, u.dot(u), u.dot(v), v.dot(v));
         let (du, dv) = (d.dot(u), d.dot(v));
         let det = uu * vv - uv * uv;
+        // Which edges it is beyond; any, if there is no plane.
+        let (mut low, mut left, mut high, mut right) = (true, true, true, true);
         if det > 0.0 {
             let (s, t) = ((vv * du - uv * dv) / det, (uu * dv - uv * du) / det);
-            let inside = s >= 0.0 && t >= 0.0 && if parallelogram { s <= 1.0 && t <= 1.0 } else { s + t <= 1.0 };
-            if inside {
+            (low, left) = (t < 0.0, s < 0.0);
+            (high, right) = if parallelogram { (t > 1.0, s > 1.0) } else { (false, s + t > 1.0) };
+            if !(low || left || high || right) {
                 return o + s * u + t * v;
             }
         }
-        // ---- or else on an edge
+        // ---- or else on one of those edges
         let edge = |a: DVec3, e: DVec3| a + (((p - a).dot(e) / e.length_squared()).clamp(0.0, 1.0)) * e;
-        let third = if parallelogram { edge(o + u, v) } else { edge(o + u, v - u) };
-        let fourth = if parallelogram { edge(o + v, u) } else { third };
-        let nearer = |a: DVec3, b: DVec3| if b.distance_squared(p) < a.distance_squared(p) { b } else { a };
-        [edge(o, v), third, fourth].into_iter().fold(edge(o, u), nearer)
+        let mut nearest = (f64::INFINITY, o);
+        let mut take = |beyond: bool, a: DVec3, e: DVec3| {
+            if beyond {
+                let on = edge(a, e);
+                let distance2 = on.distance_squared(p);
+                if distance2 < nearest.0 {
+                    nearest = (distance2, on);
+                }
+            }
+        };
+        take(low, o, u);
+        take(left, o, v);
+        take(right, o + u, if parallelogram { v } else { v - u });
+        take(high && parallelogram, o + v, u);
+        nearest.1
     }
 }

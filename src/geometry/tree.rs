@@ -221,47 +221,39 @@ impl Tree {
 
     /// Calls `visit` for boxes within `limit` of `p`, roughly from near to far, with their places in
     /// [`Tree::order`]. `visit` returns the new `limit`.
-    pub fn near(&self, p: DVec3, limit: f64, mut visit: impl FnMut(u32) -> f64) {
-        self.near_where(p, limit, &mut (), |_, _, ()| true, |index, ()| visit(index));
+    pub fn near(&self, p: DVec3, limit: f64, visit: impl FnMut(u32) -> f64) {
+        self.search(p, &mut Nearest { limit, visit });
     }
 
-    /// As [`Tree::near`], and passes by nodes that `enter` refuses, given a node and how far it is at least.
-    pub fn near_where<S>(
-        &self,
-        p: DVec3,
-        mut limit: f64,
-        state: &mut S,
-        enter: impl Fn(u32, f64, &S) -> bool,
-        mut visit: impl FnMut(u32, &mut S) -> f64,
-    ) {
+    /// Visits what a search around `p` wants, roughly from near to far.
+    pub fn search(&self, p: DVec3, search: &mut impl Search) {
         if self.nodes.nodes.is_empty() {
             return;
         }
         let q = self.in_cube(p);
-        // Squared, and longer by what rounding may do to distances.
-        let reach2 = |limit: f64| ((limit * self.scale) * (1.0 + 1e-5) + 1e-6).powi(2) as f32;
-        let mut most = reach2(limit);
-        let mut pending: SmallVec<[(f32, u32); 32]> = SmallVec::new();
-        pending.push((0.0, 0));
-        while let Some((distance2, index)) = pending.pop() {
-            let distance = (f64::from(distance2).sqrt() * (1.0 - 1e-5) - 1e-6) / self.scale;
-            if distance2 > most || !enter(index, distance.max(0.0), state) {
+        let mut pending: SmallVec<[(f32, u32, bool); 32]> = SmallVec::new();
+        pending.push((0.0, 0, true));
+        while let Some((distance2, index, wanted)) = pending.pop() {
+            let mut most = self.reach2(search.limit());
+            let mut nearest = self.reach2(search.nearest());
+            if distance2 > most || !wanted && distance2 > nearest {
                 continue;
             }
             let node = &self.nodes.nodes[index as usize];
+            let children = Children::of(node, q);
+            let wanted = search.wants(index, &children);
             let before = pending.len();
-            for (child, distance2) in distances2(node, q).into_iter().enumerate() {
-                if distance2 > most || node.is_child_empty(child) {
+            for (child, &distance2) in children.distance2.iter().enumerate() {
+                let wanted = wanted >> child & 1 == 1;
+                if distance2 > most || !wanted && distance2 > nearest || node.is_child_empty(child) {
                     continue;
                 }
                 if node.is_leaf(child) {
                     let (first, count) = node.child_primitives(child);
-                    for index in first..first + count {
-                        limit = visit(index, state);
-                    }
-                    most = reach2(limit);
+                    (first..first + count).for_each(|index| search.visit(index));
+                    (most, nearest) = (self.reach2(search.limit()), self.reach2(search.nearest()));
                 } else {
-                    pending.push((distance2, node.child_node_index(child)));
+                    pending.push((distance2, node.child_node_index(child), wanted));
                 }
             }
             // The nearest comes last: it is the next.
@@ -269,14 +261,19 @@ impl Tree {
         }
     }
 
+    /// The square of a distance, as long as it may be in the cube for what rounding does.
+    pub fn reach2(&self, distance: f64) -> f32 {
+        ((distance * self.scale) * (1.0 + 1e-5) + 1e-6).powi(2) as f32
+    }
+
     /// Where `p` is in the cube that all boxes lie in.
     pub fn in_cube(&self, p: DVec3) -> Vec3 {
         ((p - self.center) * self.scale).as_vec3()
     }
 
-    /// What `merge` makes of what each node's children are, given the box around them in the cube; `leaf` says what a box
-    /// is, by its place in [`Tree::order`]. By node.
-    pub fn gathered<T: Copy>(&self, leaf: impl Fn(u32) -> T, merge: impl Fn(&Aabb, &[T]) -> T) -> Vec<T> {
+    /// For each node what each of its children is: what `merge` makes of the boxes of a leaf, which `leaf` tells by their
+    /// places in [`Tree::order`], or of the children of a node. `nothing` stands for a child that does not exist.
+    pub fn gathered<T: Copy>(&self, nothing: T, leaf: impl Fn(u32) -> T, merge: impl Fn(&[T]) -> T) -> Vec<[T; 8]> {
         let nodes = &self.nodes.nodes;
         let children = |index: usize| (0..8).filter(move |&child| !nodes[index].is_child_empty(child));
         // Parents come before their children.
@@ -288,24 +285,23 @@ impl Tree {
             order.extend(inner.map(|child| nodes[index].child_node_index(child) as usize));
             next += 1;
         }
-        let mut found: Vec<Option<T>> = vec![None; nodes.len()];
-        let mut parts: SmallVec<[T; 24]> = SmallVec::new();
+        let mut found = vec![[nothing; 8]; nodes.len()];
+        let mut parts: SmallVec<[T; 8]> = SmallVec::new();
         for &index in order.iter().rev() {
             let node = &nodes[index];
-            let mut around = Aabb::empty();
-            parts.clear();
             for child in children(index) {
-                around = around.union(&node.child_aabb(child));
+                parts.clear();
                 if node.is_leaf(child) {
                     let (first, count) = node.child_primitives(child);
                     parts.extend((first..first + count).map(&leaf));
                 } else {
-                    parts.extend(found[node.child_node_index(child) as usize]);
+                    let inner = node.child_node_index(child) as usize;
+                    parts.extend(children(inner).map(|child| found[inner][child]));
                 }
+                found[index][child] = merge(&parts);
             }
-            found[index] = Some(merge(&around, &parts));
         }
-        found.into_iter().flatten().collect()
+        found
     }
 
     /// The traversal of Ylitie et al. 2017, section 4.2. `test` gives the mask of a node's children to
@@ -353,24 +349,74 @@ impl Tree {
     }
 }
 
-/// Squared distances of `q` from the boxes of a node's children, if there are any.
-#[inline]
-fn distances2(node: &CwBvhNode, q: Vec3) -> [f32; 8] {
-    let extent = node.compute_extent();
-    let axes = [
-        (node.p.x, extent.x, &node.child_min_x, &node.child_max_x),
-        (node.p.y, extent.y, &node.child_min_y, &node.child_max_y),
-        (node.p.z, extent.z, &node.child_min_z, &node.child_max_z),
-    ];
-    let mut sums = [0.0; 8];
-    for ((p, extent, low, high), q) in axes.into_iter().zip(q.to_array()) {
-        for child in 0..8 {
-            let (low, high) = (p + f32::from(low[child]) * extent, p + f32::from(high[child]) * extent);
-            let apart = (low - q).max(q - high).max(0.0);
-            sums[child] += apart * apart;
-        }
+/// What is looked for around a point.
+pub(super) trait Search {
+    /// Nothing farther is wanted.
+    fn limit(&self) -> f64;
+    /// Nothing farther is wanted for being near.
+    fn nearest(&self) -> f64;
+    /// The children of a node, a bit each, that may hold something wanted for another reason.
+    fn wants(&self, node: u32, children: &Children) -> u8;
+    /// Takes a box, by its place in [`Tree::order`].
+    fn visit(&mut self, index: u32);
+}
+
+/// A search for what is nearest.
+struct Nearest<V> {
+    limit: f64,
+    visit: V,
+}
+
+impl<V: FnMut(u32) -> f64> Search for Nearest<V> {
+    fn limit(&self) -> f64 {
+        self.limit
     }
-    sums
+
+    fn nearest(&self) -> f64 {
+        self.limit
+    }
+
+    fn wants(&self, _: u32, _: &Children) -> u8 {
+        0
+    }
+
+    fn visit(&mut self, index: u32) {
+        self.limit = (self.visit)(index);
+    }
+}
+
+/// Where a node's children are as seen from a point, in the tree's cube; anything for those that do not exist.
+pub(super) struct Children {
+    /// Squared distances of their boxes.
+    pub distance2: [f32; 8],
+    /// The way from the middles of their boxes to the point.
+    pub way: [[f32; 8]; 3],
+    /// The squared radii of the spheres around their boxes.
+    pub radius2: [f32; 8],
+}
+
+impl Children {
+    #[inline]
+    fn of(node: &CwBvhNode, q: Vec3) -> Self {
+        let extent = node.compute_extent();
+        let axes = [
+            (node.p.x, extent.x, &node.child_min_x, &node.child_max_x),
+            (node.p.y, extent.y, &node.child_min_y, &node.child_max_y),
+            (node.p.z, extent.z, &node.child_min_z, &node.child_max_z),
+        ];
+        let mut children = Children { distance2: [0.0; 8], way: [[0.0; 8]; 3], radius2: [0.0; 8] };
+        for (axis, ((p, extent, low, high), q)) in axes.into_iter().zip(q.to_array()).enumerate() {
+            for child in 0..8 {
+                let (low, high) = (p + f32::from(low[child]) * extent, p + f32::from(high[child]) * extent);
+                let apart = (low - q).max(q - high).max(0.0);
+                let half = 0.5 * (high - low);
+                children.distance2[child] += apart * apart;
+                children.way[axis][child] = q - (low + half);
+                children.radius2[child] += half * half;
+            }
+        }
+        children
+    }
 }
 
 /// A binary tree by the surface area heuristic over bins (Wald 2007, "On fast construction of SAH-based

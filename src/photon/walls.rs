@@ -38,7 +38,12 @@ pub fn near(scene: &Scene, position: Vec3, radius: f32, leans: bool, walls: &mut
     faces.sort_unstable_by(|(a, _), (b, _)| {
         a.distance.total_cmp(&b.distance).then((a.id, a.primitive).cmp(&(b.id, b.primitive)))
     });
-    let mut around = None;
+    let (mut around, mut others) = (None, None);
+    let boxed = || {
+        let mut solids: SmallVec<[u32; 8]> = SmallVec::new();
+        scene.geometry.boxes_around(p, |shape| solids.extend(scene.surfaces[shape as usize].solid));
+        solids
+    };
     while let Some(&(first, over)) = faces.first() {
         let coincides = |near: &Near| {
             near.normal.dot(first.normal) > 1.0 - 1e-9 && near.distance - first.distance <= 1e-6 * f64::from(radius)
@@ -47,10 +52,21 @@ pub fn near(scene: &Scene, position: Vec3, radius: f32, leans: bool, walls: &mut
         let surfaces = coincident.map(|(near, _)| &scene.surfaces[near.id as usize]);
         let opaque = surfaces.clone().any(|surface| surface.material.is_opaque());
         let is_wall = opaque || {
-            let inside = around.get_or_insert_with(|| scene.inside(p));
-            let solids = surfaces.filter_map(|surface| surface.solid);
-            let beyond = solids.fold(inside.clone(), |beyond, solid| beyond.with(solid, !inside.contains(solid)));
-            scene.region(&beyond) != scene.region(inside)
+            let mut solids = surfaces.filter_map(|surface| surface.solid);
+            match (solids.next(), solids.next()) {
+                (None, _) => false,
+                // Most often the world is on the other side, whichever side this is.
+                (Some(solid), None) if others.get_or_insert_with(boxed).iter().all(|other| *other == solid) => {
+                    scene.solids[solid as usize].region != scene.world_region
+                }
+                (Some(one), other) => {
+                    let inside = around.get_or_insert_with(|| scene.inside(p));
+                    let solids = [one].into_iter().chain(other).chain(solids);
+                    let beyond =
+                        solids.fold(inside.clone(), |beyond, solid| beyond.with(solid, !inside.contains(solid)));
+                    scene.region(&beyond) != scene.region(inside)
+                }
+            }
         };
         let leans = leans && walls.is_empty() && is_wall && !opaque;
         if is_wall && (over || leans) {
