@@ -119,12 +119,23 @@ impl DepthTable {
         c0 + x * (c1 + x * (c2 + x * c3))
     }
 
-    /// D(t) in the lanes of `bits`, to a few roundings; anything in the others. Photons of one
-    /// block are neighbours: most share a piece.
+    /// D(t) in the lanes of `bits`, to a few roundings; anything in the others.
     #[inline(always)]
     pub(super) fn depths<L: Lanes>(&self, t: L, bits: u16) -> L {
-        let mut depths = L::splat(0.0);
-        let Some(first) = self.rounded.first() else { return depths };
+        self.look_up::<L, false>(t, bits)
+    }
+
+    /// The density D′(t) in the lanes of `bits`, never negative; anything in the others.
+    #[inline(always)]
+    pub(super) fn densities<L: Lanes>(&self, t: L, bits: u16) -> L {
+        self.look_up::<L, true>(t, bits)
+    }
+
+    /// D(t), or its `SLOPE`. Photons of one block are neighbours: most share a piece.
+    #[inline(always)]
+    fn look_up<L: Lanes, const SLOPE: bool>(&self, t: L, bits: u16) -> L {
+        let mut values = L::splat(0.0);
+        let Some(first) = self.rounded.first() else { return values };
         let per_length = self.buckets_per_length as f32;
         let mut row = Row([0.0; LANES]);
         t.store(&mut row);
@@ -142,41 +153,17 @@ impl DepthTable {
             let inside = L::bits(L::and(start.less_equal(t), t.less(end))) | 1 << lane;
             let [c0, c1, c2, c3] = piece.coefficients;
             let x = t.sub(start).max(L::splat(0.0));
-            let mut depth = x.mul_add(L::splat(c3), L::splat(c2));
-            depth = depth.mul_add(x, L::splat(c1));
-            depth = depth.mul_add(x, L::splat(c0));
-            depths = depth.select(L::mask(inside), depths);
+            let value = if SLOPE {
+                let slope = x.mul_add(x.mul_add(L::splat(3.0 * c3), L::splat(2.0 * c2)), L::splat(c1));
+                slope.max(L::splat(0.0))
+            } else {
+                let slope = x.mul_add(L::splat(c3), L::splat(c2)).mul_add(x, L::splat(c1));
+                slope.mul_add(x, L::splat(c0))
+            };
+            values = value.select(L::mask(inside), values);
             left &= !inside;
         }
-        depths
-    }
-
-    /// The density D′(t) in the lanes of `bits`, never negative; anything in the others.
-    #[inline(always)]
-    pub(super) fn densities<L: Lanes>(&self, t: L, bits: u16) -> L {
-        let mut densities = L::splat(0.0);
-        let Some(first) = self.rounded.first() else { return densities };
-        let per_length = self.buckets_per_length as f32;
-        let mut row = Row([0.0; LANES]);
-        t.store(&mut row);
-        let mut left = bits;
-        while left != 0 {
-            let lane = left.trailing_zeros();
-            let place = row.0[lane as usize];
-            let mut index = self.bucket(((place - first.start) * per_length) as usize);
-            while place >= self.rounded[index].end && index + 1 < self.rounded.len() {
-                index += 1;
-            }
-            let piece = &self.rounded[index];
-            let (start, end) = (L::splat(piece.start), L::splat(piece.end));
-            let inside = L::bits(L::and(start.less_equal(t), t.less(end))) | 1 << lane;
-            let [_, c1, c2, c3] = piece.coefficients;
-            let x = t.sub(start).max(L::splat(0.0));
-            let slope = x.mul_add(x.mul_add(L::splat(3.0 * c3), L::splat(2.0 * c2)), L::splat(c1));
-            densities = slope.max(L::splat(0.0)).select(L::mask(inside), densities);
-            left &= !inside;
-        }
-        densities
+        values
     }
 
     /// The piece to start looking from in a bucket, or in the last one.

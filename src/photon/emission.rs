@@ -13,8 +13,12 @@ pub struct Sources<'s> {
     sources: Vec<Source<'s>>,
     /// Running sums of the sources' shares of the power, ending in 1.
     cumulative: Vec<f64>,
-    /// Where photons are aimed at; empty while they are not.
+    /// Where photons are aimed at: the spheres around solids, then wider ones; empty while they are not.
     targets: Vec<Target>,
+    /// How many of them are the smallest around a solid.
+    closest: usize,
+    /// The share of photons that are not aimed.
+    unaimed: f64,
 }
 
 /// A sphere that photons are aimed at.
@@ -24,8 +28,6 @@ struct Target {
     radius: f64,
     /// The share of photons that are aimed at it.
     share: f64,
-    /// Whether it is the smallest around a solid.
-    closest: bool,
 }
 
 /// The share of photons that are aimed at the spheres around solids, once photons are.
@@ -85,7 +87,8 @@ impl<'s> Sources<'s> {
                 sum
             })
             .collect();
-        Sources { scene, sources: if total > 0.0 { sources } else { Vec::new() }, cumulative, targets: Vec::new() }
+        let sources = if total > 0.0 { sources } else { Vec::new() };
+        Sources { scene, sources, cumulative, targets: Vec::new(), closest: 0, unaimed: 1.0 }
     }
 
     /// Aims most photons at the solids whose medium scatters, as those that miss are seldom stored; the light is the
@@ -98,37 +101,38 @@ impl<'s> Sources<'s> {
         let solids = self.scene.solids.iter().filter(|solid| scatters(solid.medium));
         let around = |solid: &Solid| {
             let bounds = self.scene.geometry.bounds(solid.shape);
-            Target { center: bounds.center(), radius: 0.5 * bounds.diagonal(), share: 0.0, closest: true }
+            Target { center: bounds.center(), radius: 0.5 * bounds.diagonal(), share: 0.0 }
         };
         let mut targets: Vec<Target> = solids.map(around).collect();
-        let count = targets.len();
-        for index in 0..count {
-            let Target { center, mut radius, .. } = targets[index];
-            let whole = self.scene.surroundings.radius;
-            while radius > 0.0 && radius * WIDER < whole {
-                radius *= WIDER;
-                targets.push(Target { center, radius, share: 0.0, closest: false });
+        let closest = targets.len();
+        let whole = self.scene.surroundings.radius;
+        for index in 0..closest {
+            let mut target = targets[index];
+            while target.radius > 0.0 && target.radius * WIDER < whole {
+                target.radius *= WIDER;
+                targets.push(target);
             }
         }
-        let around = (targets.len() - count).max(1) as f64;
-        for target in &mut targets {
-            target.share = if target.closest { CLOSEST / count as f64 } else { AROUND / around };
+        let (near, wide) = targets.split_at_mut(closest);
+        for (targets, share) in [(near, CLOSEST), (wide, AROUND)] {
+            let each = share / targets.len().max(1) as f64;
+            targets.iter_mut().for_each(|target| target.share = each);
         }
-        self.targets = targets;
+        self.unaimed = 1.0 - targets.iter().map(|target| target.share).sum::<f64>();
+        (self.targets, self.closest) = (targets, closest);
     }
 
     /// Draws a direction from `from` towards one of the solids that photons are aimed at, if they are.
     pub fn towards_solids(&self, from: DVec3, stream: &mut Stream) -> Option<DVec3> {
-        let count = self.targets.iter().filter(|target| target.closest).count();
-        let index = ((stream.uniform() * count as f64) as usize).min(count.checked_sub(1)?);
-        Some(self.targets[index].towards(from, stream))
+        let index = (stream.uniform() * self.closest as f64) as usize;
+        let target = self.targets.get(index.min(self.closest.checked_sub(1)?))?;
+        Some(target.towards(from, stream))
     }
 
     /// The density per steradian with which that is done.
     pub fn density_towards_solids(&self, from: DVec3, direction: DVec3) -> f64 {
-        let solids = self.targets.iter().filter(|target| target.closest);
-        let (sum, count) = solids.fold((0.0, 0), |(sum, n), target| (sum + target.density(from, direction), n + 1));
-        sum / f64::from(count.max(1))
+        let solids = self.targets.iter().take(self.closest);
+        solids.map(|target| target.density(from, direction)).sum::<f64>() / self.closest.max(1) as f64
     }
 
     /// Draws a photon's start anew, from what it was drawn from and from what goes towards a target: the power is
@@ -143,7 +147,6 @@ impl<'s> Sources<'s> {
             left -= target.share;
             left < 0.0
         });
-        let unaimed = 1.0 - self.targets.iter().map(|target| target.share).sum::<f64>();
         if spread == Spread::Disc {
             let whole = self.scene.surroundings;
             let frame = Frame::around(ray.direction);
@@ -167,7 +170,7 @@ impl<'s> Sources<'s> {
                 .map(|target| target.share * (whole.radius / target.radius).powi(2))
                 .sum();
             let weight = if aside(whole.center) <= whole.radius * whole.radius { 1.0 } else { 0.0 };
-            let power = power * (weight / (weight * unaimed + density));
+            let power = power * (weight / (weight * self.unaimed + density));
             return Some(Departure { ray: Ray::new(origin, ray.direction), power, spread });
         }
         let direction = target.map_or(ray.direction, |target| target.towards(ray.origin, stream));
@@ -176,7 +179,7 @@ impl<'s> Sources<'s> {
             _ => 1.0 / (4.0 * PI),
         };
         let density: f64 = self.targets.iter().map(|target| target.share * target.density(ray.origin, direction)).sum();
-        let power = power * (own / (own * unaimed + density));
+        let power = power * (own / (own * self.unaimed + density));
         Some(Departure { ray: Ray::new(ray.origin, direction), power, spread }).filter(|_| own > 0.0)
     }
 
