@@ -6,10 +6,9 @@
 
 use super::DepthTable;
 use super::volume::tabulate;
-use crate::math::{Ray, Rgb, Stream};
+use crate::math::{Ray, Rgb, Stream, shares};
 use crate::medium::Medium;
 use crate::medium::density::Density;
-use crate::transport::shares;
 use smallvec::SmallVec;
 
 /// How long steps are.

@@ -47,6 +47,12 @@ pub fn error_bound(ray: &Ray, t: f64) -> f64 {
     ROUNDINGS * (ray.origin.abs().max_element() + t.abs())
 }
 
+/// Each channel's present share of a weight; equal shares of nothing.
+pub fn shares(weight: Rgb) -> Rgb {
+    let sum = weight.element_sum();
+    if sum > 0.0 { weight / sum } else { Rgb::splat(1.0 / 3.0) }
+}
+
 /// `(1 − e^{−x})/x`, without cancellation near 0.
 pub fn one_minus_exp_over(x: f64) -> f64 {
     if x == 0.0 { 1.0 } else { -(-x).exp_m1() / x }

@@ -5,7 +5,7 @@ use std::f64::consts::FRAC_PI_2;
 
 use crate::geometry::Hit;
 use crate::light::{Arrival, Light, Profile};
-use crate::math::{DVec3, Ray, Rgb, Stream};
+use crate::math::{DVec3, Ray, Rgb, Stream, shares};
 use crate::medium::Medium;
 use crate::scene::Scene;
 use crate::transport::{self, Crossing, Segment};
@@ -50,7 +50,7 @@ impl Stretch {
     /// The same where a collision is certain to be drawn.
     pub fn certain(&self, medium: &Medium) -> Self {
         let passed = medium.transmittance(medium.density.depth(&self.ray, self.a, self.b));
-        Stretch { chance: (transport::shares(self.weight) * (Rgb::ONE - passed)).element_sum(), ..self.clone() }
+        Stretch { chance: (shares(self.weight) * (Rgb::ONE - passed)).element_sum(), ..self.clone() }
     }
 
     /// The density per length with which a collision is drawn at `t`.

@@ -1,4 +1,4 @@
-use crate::math::{DVec3, Rgb, Stream};
+use crate::math::{DVec3, Rgb, Stream, shares};
 
 /// A boundary that reflects and refracts by Fresnel's equations.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -7,6 +7,34 @@ pub struct Dielectric {
     pub index: Rgb,
     /// GGX's α: see [`Rough`](super::Rough); 0 is smooth.
     pub roughness: f64,
+}
+
+/// Where light goes on from a refracting boundary.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lobe {
+    /// Back.
+    Reflected,
+    /// Through.
+    Refracted,
+}
+
+impl Lobe {
+    /// Which light takes that meets a facet: `given`, or drawn by the channels' shares of `weight`. `reflected` is the
+    /// part of each channel that is reflected; `weight` is weighted for it.
+    pub fn take(given: Option<Lobe>, reflected: Rgb, weight: &mut Rgb, stream: &mut Stream) -> Lobe {
+        let (lobe, chance) = given.map_or_else(
+            || {
+                let chance = (shares(*weight) * reflected).element_sum();
+                if stream.uniform() < chance { (Lobe::Reflected, chance) } else { (Lobe::Refracted, 1.0 - chance) }
+            },
+            |lobe| (lobe, 1.0),
+        );
+        *weight *= match lobe {
+            Lobe::Reflected => reflected / chance,
+            Lobe::Refracted => (Rgb::ONE - reflected) / chance,
+        };
+        lobe
+    }
 }
 
 impl Dielectric {

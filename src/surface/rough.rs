@@ -1,7 +1,7 @@
 use std::f64::consts::{PI, TAU};
 
-use super::{Dielectric, Mirror, fresnel};
-use crate::math::{DVec3, Frame, Rgb, Stream};
+use super::{Dielectric, Lobe, Mirror, fresnel};
+use crate::math::{DVec3, Frame, Rgb, Stream, shares};
 
 /// A rough boundary between two indices of refraction, met from one side: mirror-like facets, each of which
 /// reflects and refracts by Fresnel's equations, with normals distributed by GGX (Walter, Marschner, Li and
@@ -50,16 +50,17 @@ const MOST_FACETS: u32 = 1000;
 /// Closer indices than this do not bend light: there is no density.
 const MATCHED: f64 = 1e-9;
 
-/// Each channel's share.
-fn shares(weight: Rgb) -> Rgb {
-    let sum = weight.element_sum();
-    if sum > 0.0 { weight / sum } else { Rgb::splat(1.0 / 3.0) }
-}
-
 impl Rough {
     /// Draws where light goes on that travels along `direction`, against the unit `normal`, and weights `weight`
-    /// for it, as power: refraction does not change it.
-    pub fn sample(&self, direction: DVec3, normal: DVec3, weight: &mut Rgb, stream: &mut Stream) -> Option<Leaving> {
+    /// for it, as power: refraction does not change it. `lobe` says what the first facet does, or leaves it to chance.
+    pub fn sample(
+        &self,
+        direction: DVec3,
+        normal: DVec3,
+        lobe: Option<Lobe>,
+        weight: &mut Rgb,
+        stream: &mut Stream,
+    ) -> Option<Leaving> {
         let frame = Frame::around(normal);
         let arriving = shares(*weight);
         // In coordinates whose z points away from the surface on the side where the light is.
@@ -69,12 +70,9 @@ impl Rough {
             let facet = self.visible(-travel, stream.uniform2());
             let cos = -travel.dot(facet);
             let reflected = Rgb::from_array(std::array::from_fn(|c| fresnel(cos, from[c], to[c])));
-            let chance = (shares(*weight) * reflected).element_sum();
-            if stream.uniform() < chance {
-                *weight *= reflected / chance;
+            if Lobe::take(lobe.filter(|_| facets == 1), reflected, weight, stream) == Lobe::Reflected {
                 travel = Mirror::reflect(travel, facet);
             } else {
-                *weight *= (Rgb::ONE - reflected) / (1.0 - chance);
                 let channel = Dielectric::channel(from, to, weight, stream)?;
                 travel = Dielectric::refract(travel, facet, from[channel], to[channel])?;
                 travel.z = -travel.z;
@@ -221,7 +219,8 @@ mod tests {
             let mut single = 0;
             for _ in 0..N {
                 let mut weight = Rgb::ONE;
-                let leaving = boundary.sample(direction, DVec3::Z, &mut weight, &mut stream).expect("nothing is lost");
+                let leaving =
+                    boundary.sample(direction, DVec3::Z, None, &mut weight, &mut stream).expect("nothing is lost");
                 assert!((weight - Rgb::ONE).abs().max_element() < 1e-12, "{weight}");
                 if leaving.density > 0.0 {
                     single += 1;
@@ -298,7 +297,8 @@ mod tests {
                 let cos = (lit.0 + (lit.1 - lit.0) * stream.uniform()).sqrt();
                 let mut weight = Rgb::ONE;
                 let direction = -crate::math::sampling::direction(cos, stream.uniform());
-                let leaving = boundary.sample(direction, DVec3::Z, &mut weight, &mut stream).expect("nothing is lost");
+                let leaving =
+                    boundary.sample(direction, DVec3::Z, None, &mut weight, &mut stream).expect("nothing is lost");
                 let (cos2, z) = (leaving.direction.z.powi(2), leaving.direction.z);
                 met += u32::from(z < 0.0 && leaving.density == 0.0 && cos2 >= seen.0 && cos2 < seen.1);
             }

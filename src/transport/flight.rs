@@ -2,8 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use super::roulette::shares;
-use crate::math::{Ray, Rgb, Stream};
+use crate::math::{Ray, Rgb, Stream, shares};
 use crate::medium::Medium;
 use crate::medium::density::Density;
 

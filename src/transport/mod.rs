@@ -10,5 +10,5 @@ mod walk;
 pub use flight::{Forced, Tally, flight_density, fly, force, pass};
 pub use glow::{Ember, Glows, Rival};
 pub use light::{light_density, transmit, transmit_straight};
-pub use roulette::{endures, shares, survive};
+pub use roulette::{endures, survive};
 pub use walk::{Crossing, Interaction, Onward, Reflection, Segment, Side, Stop, Visitor, Walk};

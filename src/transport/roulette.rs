@@ -1,10 +1,4 @@
-use crate::math::{Rgb, Stream};
-
-/// Each channel's present share of a weight; equal shares of nothing.
-pub fn shares(weight: Rgb) -> Rgb {
-    let sum = weight.element_sum();
-    if sum > 0.0 { weight / sum } else { Rgb::splat(1.0 / 3.0) }
-}
+use crate::math::{Rgb, Stream, shares};
 
 /// Russian roulette against the factor by which an event scales a weight: survives with the factor's
 /// mean over the channels' shares, and then keeps the weight's sum unchanged. Weights so stay bounded

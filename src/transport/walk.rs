@@ -2,11 +2,11 @@
 
 use std::ops::ControlFlow;
 
-use super::roulette::{shares, survive};
+use super::roulette::survive;
 use crate::geometry::{Cluster, Hit};
 use crate::math::{DVec3, Ray, Rgb, Stream, error_bound};
 use crate::scene::{Inside, Scene};
-use crate::surface::{Dielectric, Facet, Lambert, Material, Mirror, Rough, fresnel};
+use crate::surface::{Dielectric, Facet, Lambert, Lobe, Material, Mirror, Rough, fresnel};
 
 /// A photon or an eye path on its way.
 #[derive(Clone)]
@@ -275,12 +275,19 @@ impl Interaction {
 
     /// Draws where light goes on from a surface; weights `weight` for it, with roulette. `None` ends the walk.
     pub fn scatter(&self, side: Side, weight: &mut Rgb, stream: &mut Stream) -> Option<DVec3> {
-        self.scatter_and(side, weight, stream, survive).map(|onward| onward.direction)
+        self.scatter_and(side, None, weight, stream, survive).map(|onward| onward.direction)
     }
 
-    /// As [`Interaction::scatter`], the roulette left to the caller.
-    pub fn scatter_always(&self, side: Side, weight: &mut Rgb, stream: &mut Stream) -> Option<Onward> {
-        self.scatter_and(side, weight, stream, |weight, factor, _| {
+    /// As [`Interaction::scatter`], the roulette left to the caller. What a refracting boundary does is left to chance, or
+    /// given as `lobe`.
+    pub fn scatter_always(
+        &self,
+        side: Side,
+        lobe: Option<Lobe>,
+        weight: &mut Rgb,
+        stream: &mut Stream,
+    ) -> Option<Onward> {
+        self.scatter_and(side, lobe, weight, stream, |weight, factor, _| {
             *weight *= factor;
             true
         })
@@ -289,6 +296,7 @@ impl Interaction {
     fn scatter_and(
         &self,
         side: Side,
+        lobe: Option<Lobe>,
         weight: &mut Rgb,
         stream: &mut Stream,
         survive: impl Fn(&mut Rgb, Rgb, &mut Stream) -> bool,
@@ -310,9 +318,9 @@ impl Interaction {
                 let factor = mirror.reflectance * self.adjoint(side, normal, direction);
                 survive(weight, factor, stream).then_some(specular(direction))
             }
-            Reflection::Dielectric(from, to) => self.refract(from, to, side, weight, stream).map(specular),
+            Reflection::Dielectric(from, to) => self.refract((from, to), side, lobe, weight, stream).map(specular),
             Reflection::Rough(rough) => {
-                let leaving = rough.sample(self.direction, self.shading_normal, weight, stream)?;
+                let leaving = rough.sample(self.direction, self.shading_normal, lobe, weight, stream)?;
                 let direction = leaving.direction;
                 let through = direction.dot(self.shading_normal) < 0.0;
                 if through != (direction.dot(self.normal) < 0.0) {
@@ -357,17 +365,22 @@ impl Interaction {
         if right { self.shading_normal } else { self.normal }
     }
 
-    fn refract(&self, from: Rgb, to: Rgb, side: Side, weight: &mut Rgb, stream: &mut Stream) -> Option<DVec3> {
+    fn refract(
+        &self,
+        (from, to): (Rgb, Rgb),
+        side: Side,
+        lobe: Option<Lobe>,
+        weight: &mut Rgb,
+        stream: &mut Stream,
+    ) -> Option<DVec3> {
         let normal = self.specular_normal(|normal| Some(Mirror::reflect(self.direction, normal)), true);
         let cos = -self.direction.dot(normal);
         let reflected = Rgb::from_array(std::array::from_fn(|c| fresnel(cos, from[c], to[c])));
-        let chance = (shares(*weight) * reflected).element_sum();
-        if stream.uniform() < chance {
+        if Lobe::take(lobe, reflected, weight, stream) == Lobe::Reflected {
             let direction = Mirror::reflect(self.direction, normal);
-            *weight *= reflected / chance * self.adjoint(side, normal, direction);
+            *weight *= self.adjoint(side, normal, direction);
             return Some(direction);
         }
-        *weight *= (Rgb::ONE - reflected) / (1.0 - chance);
         let channel = Dielectric::channel(from, to, weight, stream)?;
         let (from, to) = (from[channel], to[channel]);
         let bend = |normal| Dielectric::refract(self.direction, normal, from, to);
