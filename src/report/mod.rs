@@ -17,7 +17,8 @@ use crate::compare::Results;
 use crate::image::write_aside;
 
 /// Writes the report of `results` into their folder `dir`: `index.html`; `curve.svg`, error against time;
-/// `overview.png`, the variants side by side; and in `pictures` PNG files of all images, exposed alike, and of their differences from the reference.
+/// `overview.png`, the variants side by side; and in `pictures` PNG files of all images, exposed alike, and of their
+/// differences from the reference.
 ///
 /// Errors: [`Error::Asset`](crate::Error::Asset) for images that are missing or of another size,
 /// [`Error::Output`](crate::Error::Output) for what cannot be written.
