@@ -260,6 +260,41 @@ mod tests {
         }
     }
 
+    /// What is reflected and what is refracted, each for itself, make together what is drawn.
+    #[test]
+    fn both_lobes_together_are_all() {
+        const N: usize = 200_000;
+        for (k, (from, to, sin)) in [(1.0, 1.5, 0.2), (1.0, 1.5, 0.97), (1.5, 1.0, 0.6)].into_iter().enumerate() {
+            let boundary = rough(from, to, 0.5);
+            let mut stream = random(400 + k as u64);
+            // Sums of power and of its moments, above and below, with their squares.
+            let mut sum = |lobes: &[Option<Lobe>]| {
+                let mut sums = [[0.0; 2]; 4];
+                for _ in 0..N {
+                    let mut found = [0.0; 4];
+                    for &lobe in lobes {
+                        let mut weight = Rgb::ONE;
+                        let leaving = boundary.sample(slanted(sin), DVec3::Z, lobe, &mut weight, &mut stream);
+                        // Nothing is refracted where reflection is total.
+                        let Some(Leaving { direction, .. }) = leaving else { continue };
+                        let below = usize::from(direction.z < 0.0);
+                        found[2 * below] += weight.x;
+                        found[2 * below + 1] += weight.x * direction.x;
+                    }
+                    for (sum, x) in sums.iter_mut().zip(found) {
+                        *sum = [sum[0] + x, sum[1] + x * x];
+                    }
+                }
+                let n = N as f64;
+                sums.map(|[sum, squares]| (sum / n, ((squares / n - (sum / n).powi(2)) / n).sqrt()))
+            };
+            let (drawn, both) = (sum(&[None]), sum(&[Some(Lobe::Reflected), Some(Lobe::Refracted)]));
+            for ((a, e), (b, f)) in drawn.into_iter().zip(both) {
+                assert!((a - b).abs() < 4.0 * e.hypot(f) && e < 0.002, "{from} {to} {sin}: {a} ± {e}, {b} ± {f}");
+            }
+        }
+    }
+
     /// f(i → o)/n_o² = f(o → i)/n_i², for reflection and refraction.
     #[test]
     fn facets_are_reciprocal() {
