@@ -196,6 +196,11 @@ fn the_spread_of_passes_is_the_error() {
 
 #[test]
 fn a_render_ends_when_it_is_told_to() {
+    // Threads of its own: it should not wait for other tests.
+    on(2, ends_when_told);
+}
+
+fn ends_when_told() {
     let work = Work::new(&[]);
     // With an error that a few passes reach.
     let few = work.passes(1, 6).stats.error.unwrap();
