@@ -73,6 +73,7 @@ struct Walls<'m> {
 
 /// Sine and cosine of the angle of [`SAME_WAY`].
 const OVER: [f32; 2] = [0.312_249_9, SAME_WAY as f32];
+const _: () = assert!((OVER[0] * OVER[0] + OVER[1] * OVER[1] - 1.0).abs() < 1e-6);
 
 impl Search for Walls<'_> {
     fn limit(&self) -> f64 {

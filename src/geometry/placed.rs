@@ -469,7 +469,7 @@ impl Face {
         let (du, dv) = (d.dot(u), d.dot(v));
         let det = uu * vv - uv * uv;
         // Which edges it is beyond; any, if there is no plane.
-        let (mut low, mut left, mut high, mut right) = (true, true, true, true);
+        let (mut low, mut left, mut high, mut right) = (true, true, parallelogram, true);
         if det > 0.0 {
             let (s, t) = ((vv * du - uv * dv) / det, (uu * dv - uv * du) / det);
             (low, left) = (t < 0.0, s < 0.0);
@@ -493,7 +493,7 @@ impl Face {
         take(low, o, u);
         take(left, o, v);
         take(right, o + u, if parallelogram { v } else { v - u });
-        take(high && parallelogram, o + v, u);
+        take(high, o + v, u);
         nearest.1
     }
 }

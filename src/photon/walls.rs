@@ -5,7 +5,7 @@ use smallvec::SmallVec;
 use super::Plane;
 use crate::geometry::Near;
 use crate::math::Vec3;
-use crate::scene::Scene;
+use crate::scene::{Inside, Scene};
 
 /// Walls whose normals differ by less than this cosine are one: neighbouring faces of a curved mesh.
 const ONE_WALL: f64 = 0.9;
@@ -52,18 +52,17 @@ pub fn near(scene: &Scene, position: Vec3, radius: f32, leans: bool, walls: &mut
         let surfaces = coincident.map(|(near, _)| &scene.surfaces[near.id as usize]);
         let opaque = surfaces.clone().any(|surface| surface.material.is_opaque());
         let is_wall = opaque || {
-            let mut solids = surfaces.filter_map(|surface| surface.solid);
-            match (solids.next(), solids.next()) {
-                (None, _) => false,
+            let solids: SmallVec<[u32; 8]> = surfaces.filter_map(|surface| surface.solid).collect();
+            match solids[..] {
+                [] => false,
                 // Most often the world is on the other side, whichever side this is.
-                (Some(solid), None) if others.get_or_insert_with(boxed).iter().all(|other| *other == solid) => {
+                [solid] if others.get_or_insert_with(boxed).iter().all(|other| *other == solid) => {
                     scene.solids[solid as usize].region != scene.world_region
                 }
-                (Some(one), other) => {
+                _ => {
                     let inside = around.get_or_insert_with(|| scene.inside(p));
-                    let solids = [one].into_iter().chain(other).chain(solids);
-                    let beyond =
-                        solids.fold(inside.clone(), |beyond, solid| beyond.with(solid, !inside.contains(solid)));
+                    let toggled = |beyond: Inside, &solid: &u32| beyond.with(solid, !inside.contains(solid));
+                    let beyond = solids.iter().fold(inside.clone(), toggled);
                     scene.region(&beyond) != scene.region(inside)
                 }
             }
