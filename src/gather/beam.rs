@@ -276,22 +276,23 @@ impl RayFrame {
     }
 }
 
-/// Sums in lanes.
+/// Sums in lanes, and how many photons there are in them: counted here, in a register. What a loop writes for every
+/// block delays whatever it reads from the same place in another page.
 pub(super) struct Found<L> {
     pub(super) total: [L; 3],
     pub(super) single: [L; 3],
+    pub(super) photons: u64,
 }
 
 impl<L: Lanes> Found<L> {
     #[inline(always)]
     pub(super) fn none() -> Self {
-        Found { total: [L::splat(0.0); 3], single: [L::splat(0.0); 3] }
+        Found { total: [L::splat(0.0); 3], single: [L::splat(0.0); 3], photons: 0 }
     }
 }
 
 /// Adds what the photons of a block contribute to a ray.
 #[inline(always)]
-#[allow(clippy::too_many_arguments, reason = "inlined into the two loops over blocks")]
 pub(super) fn add_block<L: Lanes>(
     map: &PhotonMap,
     index: usize,
@@ -300,7 +301,6 @@ pub(super) fn add_block<L: Lanes>(
     transmittance: &impl Transmit,
     (max_events, pruning): (u8, Pruning),
     found: &mut Found<L>,
-    stats: &mut GatherStats,
 ) {
     let block = map.blocks.get(index);
     let x = load3::<L>(block.position);
@@ -312,12 +312,16 @@ pub(super) fn add_block<L: Lanes>(
     let zero = L::splat(0.0);
     let mut t = t;
     let mut leaning = None;
+    // Not left to `leaning`: where that is none, what it would hold is multiplied by all the same, and thrown away, and
+    // whatever lies there may be denormal, which takes a hundred times as long.
+    let mut stretch = L::splat(1.0);
     if let Some(&bits) = map.leaning.get(index)
         && bits != 0
     {
         let disc = Leaning::new(&map.walls(index)[0], bits, ray, [t, a, b], inverse_square);
         t = t.add(disc.shift);
         q = disc.shift.mul(disc.shift).neg_mul_add(inverse_square, q);
+        stretch = disc.stretch;
         leaning = Some(disc);
     }
     let mut mask = L::and(zero.less(q), L::and(zero.less(t), t.less(ray.length)));
@@ -327,10 +331,7 @@ pub(super) fn add_block<L: Lanes>(
     }
     let [c0, c1, c2] = map.shape;
     let shape = q.mul_add(q.mul_add(L::splat(c2), L::splat(c1)), L::splat(c0));
-    let mut factor = shape.mul(phase.values(&load3::<L>(block.direction)));
-    if let Some(disc) = &leaning {
-        factor = factor.mul(disc.stretch);
-    }
+    let mut factor = shape.mul(phase.values(&load3::<L>(block.direction))).mul(stretch);
     for wall in map.walls(index) {
         let (share, near) = match &leaning {
             None => beside_wall(map.profile, wall, ray, a, b, inverse_square),
@@ -346,7 +347,7 @@ pub(super) fn add_block<L: Lanes>(
         bits &= at_most(events, max_events);
         mask = L::mask(bits);
     }
-    stats.photons += u64::from(bits.count_ones());
+    found.photons += u64::from(bits.count_ones());
     if let Some(mean) = map.densities.get(index)
         && let Some(density) = transmittance.density(t, bits)
     {
@@ -382,13 +383,13 @@ pub(super) struct RayLanes<L> {
 }
 
 /// Blocks found before they are evaluated: few enough that the list stays in the nearest cache.
-const LISTED: usize = 256;
+pub(super) const LISTED: usize = 256;
 
 /// How many blocks ahead to fetch.
 const AHEAD: usize = 2;
 
 /// Added blocks of one node may overshoot the list, and so may a whole vector written for them.
-const LIST: usize = LISTED + 2 * LANES;
+pub(super) const LIST: usize = LISTED + 2 * LANES;
 
 impl<P: Evaluate, T: Transmit> Task for Gather<'_, P, T> {
     type Output = Sums;
@@ -404,24 +405,25 @@ impl<P: Evaluate, T: Transmit> Task for Gather<'_, P, T> {
         let mut stack = [0u32; STACK + LANES];
         let mut list = [0u32; LIST];
         let mut waiting = 1;
+        let (mut nodes, mut blocks, mut photons) = (0, 0, 0);
         while waiting > 0 {
             // Walk until the list is full.
             let mut listed = 0;
             while waiting > 0 && listed < LISTED {
                 waiting -= 1;
                 let node = &map.nodes[stack[waiting] as usize];
-                stats.nodes += 1;
+                nodes += 1;
                 let hit = match &slabs {
                     Some(slabs) => slabs.hit::<L>(&node.min, &node.max),
                     None => ray.hit(&node.center, &node.radius),
                 };
                 let leaves = node.leaves();
-                let (blocks, inner) = (hit & leaves, hit & !leaves);
-                if blocks != 0
+                let (near, inner) = (hit & leaves, hit & !leaves);
+                if near != 0
                     && let Some(out) = list[listed..].first_chunk_mut()
                 {
-                    L::compress_indices(&node.children, blocks, out);
-                    listed += blocks.count_ones() as usize;
+                    L::compress_indices(&node.children, near, out);
+                    listed += near.count_ones() as usize;
                 }
                 if inner != 0
                     && let Some(out) = stack[waiting..].first_chunk_mut()
@@ -432,18 +434,22 @@ impl<P: Evaluate, T: Transmit> Task for Gather<'_, P, T> {
             }
 
             // Evaluate what it holds.
-            stats.blocks += listed as u64;
             let mut found = Found::<L>::none();
             for i in 0..listed {
                 map.blocks.prefetch((list[(i + AHEAD).min(listed - 1)] & !LEAF) as usize);
                 let index = (list[i] & !LEAF) as usize;
-                add_block(map, index, &ray, &phase, &transmittance, limits, &mut found, stats);
+                add_block(map, index, &ray, &phase, &transmittance, limits, &mut found);
             }
             for channel in 0..3 {
                 sums.total[channel] += f64::from(found.total[channel].sum());
                 sums.single[channel] += f64::from(found.single[channel].sum());
             }
+            blocks += listed as u64;
+            photons += found.photons;
         }
+        stats.nodes += nodes;
+        stats.blocks += blocks;
+        stats.photons += photons;
         sums
     }
 }

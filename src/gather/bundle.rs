@@ -14,7 +14,7 @@
     reason = "iterators' closures need not be inlined into a kernel's instruction set"
 )]
 
-use super::beam::{BeamQuery, GatherStats, Gathered, Pruning, exponents};
+use super::beam::{BeamQuery, GatherStats, Gathered, LIST, LISTED, Pruning, exponents};
 use super::depth::DepthTable;
 use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Sum};
 use super::sampled::{Sampled, SampledDepths, Samples, TransmittanceTable};
@@ -23,6 +23,8 @@ use crate::photon::discs::{LEAF, STACK};
 use crate::photon::kernel::{Profile, inverse_biweight_share};
 use crate::photon::map::PhotonMap;
 use crate::photon::simd::{LANES, Lanes, Row, Task, at_most, dot_plus, load3, splat3};
+use smallvec::SmallVec;
+use std::ops::Range;
 
 /// Rays that gather together: in one medium, from one map.
 #[derive(Clone, Copy, Debug)]
@@ -103,10 +105,15 @@ const WALL_FIELDS: usize = 4;
 /// Walls a photon may have.
 const WALLS: usize = 3;
 
+/// A field of photons, its vectors each in one line of the cache.
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+struct Field<const N: usize>([f32; N]);
+
 /// Photons near the bundle, by field. The stride is no multiple of a page, for the sake of the cache.
 #[derive(Debug)]
 struct Near {
-    fields: Vec<f32>,
+    fields: Vec<Field<NEAR_STRIDE>>,
     len: usize,
 }
 
@@ -114,18 +121,18 @@ const NEAR_STRIDE: usize = NEAR + 2 * LANES;
 
 impl Near {
     fn new(walls: usize) -> Self {
-        Near { fields: vec![0.0; (FIELDS + WALL_FIELDS * walls) * NEAR_STRIDE], len: 0 }
+        Near { fields: vec![Field([0.0; NEAR_STRIDE]); FIELDS + WALL_FIELDS * walls], len: 0 }
     }
 
     #[inline(always)]
     fn load<L: Lanes>(&self, index: usize, at: usize) -> L {
-        L::load_front(&self.fields[index * NEAR_STRIDE + at..])
+        L::load_front(&self.fields[index].0[at..])
     }
 
     /// Writes packed lanes behind the last photon.
     #[inline(always)]
     fn write<L: Lanes>(&mut self, index: usize, value: L, bits: u16) {
-        if let Some(out) = self.fields[index * NEAR_STRIDE + self.len..].first_chunk_mut() {
+        if let Some(out) = self.fields[index].0[self.len..].first_chunk_mut() {
             value.compress(bits, out);
         }
     }
@@ -134,7 +141,7 @@ impl Near {
 /// Photons in a group's frame.
 #[derive(Debug)]
 struct Chunk {
-    fields: Box<[[f32; CHUNK_STRIDE]; CHUNK_FIELDS]>,
+    fields: Box<[Field<CHUNK_STRIDE>; CHUNK_FIELDS]>,
     len: usize,
 }
 
@@ -147,12 +154,12 @@ const PLACE: usize = 11 + WALL_FIELDS * WALLS;
 
 impl Chunk {
     fn new() -> Self {
-        Chunk { fields: Box::new([[0.0; CHUNK_STRIDE]; CHUNK_FIELDS]), len: 0 }
+        Chunk { fields: Box::new([const { Field([0.0; CHUNK_STRIDE]) }; CHUNK_FIELDS]), len: 0 }
     }
 
     #[inline(always)]
     fn write<L: Lanes>(&mut self, index: usize, value: L, bits: u16) {
-        if let Some(out) = self.fields[index][self.len..].first_chunk_mut() {
+        if let Some(out) = self.fields[index].0[self.len..].first_chunk_mut() {
             value.compress(bits, out);
         }
     }
@@ -193,8 +200,11 @@ struct Group {
     /// Everything within |x|, |y| ≤ spread + slope·|z|, for all rays and for each vector around its own axis.
     around: Around,
     near: [Around; VECTORS],
-    /// Where on a ray photons may count last.
+    towards: Towards,
+    axis: DVec3,
+    /// Where on a ray photons may count last, and the greatest z of such a place.
     reach: f64,
+    last: f64,
     /// The first and last z of any ray, and of all rays.
     any: [f32; 2],
     all: [f32; 2],
@@ -249,7 +259,7 @@ pub struct BundleScratch {
     careful: Chunk,
     lists: Box<[[u32; CHUNK_STRIDE]; VECTORS]>,
     groups: Vec<Group>,
-    lines: Vec<Line>,
+    lines: Vec<Lines>,
     table: DepthTable,
 }
 
@@ -293,8 +303,8 @@ impl PhotonMap {
                 groups.push(Group::EMPTY);
             }
             let group = &mut groups[used];
-            let narrow = self.profile == Profile::Biweight
-                && sizes.into_iter().any(|count| group.set(self, bundle, first, count).is_some());
+            let mut set = |count: usize| self.isa.run(Arrange { group, map: self, bundle, first, count }).is_some();
+            let narrow = self.profile == Profile::Biweight && sizes.into_iter().any(&mut set);
             if narrow {
                 first += group.count;
                 used += 1;
@@ -397,29 +407,95 @@ struct Line {
     slope: [f64; 2],
     start: f64,
     end: f64,
+    /// The cosine between ray and axis.
+    cos: f64,
 }
 
 impl Line {
-    const AXIS: Line = Line { origin: 0.0, offset: [0.0; 2], slope: [0.0; 2], start: 0.0, end: 0.0 };
+    /// Rays that lean away from the axis by more are too oblique.
+    const LEAST_COS: f64 = 0.5;
+
+    #[inline(always)]
+    fn new(direction: DVec3, from: DVec3, (a, b): (f64, f64), frame: &Frame) -> Line {
+        let cos = direction.dot(frame.z);
+        let inverse = 1.0 / cos;
+        let slope = [direction.dot(frame.x) * inverse, direction.dot(frame.y) * inverse];
+        let z = from.dot(frame.z);
+        let offset = [from.dot(frame.x) - z * slope[0], from.dot(frame.y) - z * slope[1]];
+        Line { origin: z, offset, slope, start: z + a * cos, end: z + b * cos, cos }
+    }
 
     /// The slope's square.
     fn square(&self) -> f64 {
-        self.slope[0] * self.slope[0] + self.slope[1] * self.slope[1]
+        square(self.slope)
+    }
+}
+
+#[inline(always)]
+fn square([x, y]: [f64; 2]) -> f64 {
+    x * x + y * y
+}
+
+/// The lines of a group's rays, by field.
+#[derive(Clone, Debug)]
+struct Lines {
+    origin: [f64; GROUP],
+    offset: [[f64; GROUP]; 2],
+    slope: [[f64; GROUP]; 2],
+    square: [f64; GROUP],
+    start: [f64; GROUP],
+    end: [f64; GROUP],
+    cos: [f64; GROUP],
+}
+
+impl Lines {
+    /// Of rays that end at `reach` at the latest; lines to spare repeat the last. In loops that become vectors.
+    #[inline(always)]
+    fn new(rays: &[(Ray, f64, f64)], frame: &Frame, origin: DVec3, reach: f64) -> Self {
+        let zero = [0.0; GROUP];
+        let (mut direction, mut from, mut range) = ([zero; 3], [zero; 3], [zero; 2]);
+        for i in 0..GROUP {
+            let (ray, a, b) = &rays[i.min(rays.len() - 1)];
+            let towards = ray.origin - origin;
+            [direction[0][i], direction[1][i], direction[2][i]] = ray.direction.to_array();
+            [from[0][i], from[1][i], from[2][i]] = towards.to_array();
+            [range[0][i], range[1][i]] = [*a, b.min(reach)];
+        }
+        let mut lines = Lines {
+            origin: zero,
+            offset: [zero; 2],
+            slope: [zero; 2],
+            square: zero,
+            start: zero,
+            end: zero,
+            cos: zero,
+        };
+        for i in 0..GROUP {
+            let along = DVec3::new(direction[0][i], direction[1][i], direction[2][i]);
+            let from = DVec3::new(from[0][i], from[1][i], from[2][i]);
+            let line = Line::new(along, from, (range[0][i], range[1][i]), frame);
+            lines.origin[i] = line.origin;
+            for axis in 0..2 {
+                lines.offset[axis][i] = line.offset[axis];
+                lines.slope[axis][i] = line.slope[axis];
+            }
+            lines.square[i] = line.square();
+            lines.start[i] = line.start;
+            lines.end[i] = line.end;
+            lines.cos[i] = line.cos;
+        }
+        lines
     }
 
-    /// `None` if the ray is too oblique.
-    #[inline]
-    fn new((ray, a, b): &(Ray, f64, f64), frame: &Frame, origin: DVec3) -> Option<Line> {
-        let cos = ray.direction.dot(frame.z);
-        if cos < 0.5 {
-            return None;
+    /// The least and the greatest of a field.
+    #[inline(always)]
+    fn extremes(field: &[f64; GROUP]) -> (f64, f64) {
+        let (mut least, mut greatest) = (field[0], field[0]);
+        for value in field {
+            least = if *value < least { *value } else { least };
+            greatest = if *value > greatest { *value } else { greatest };
         }
-        let inverse = 1.0 / cos;
-        let slope = [ray.direction.dot(frame.x) * inverse, ray.direction.dot(frame.y) * inverse];
-        let from = ray.origin - origin;
-        let z = from.dot(frame.z);
-        let offset = [from.dot(frame.x) - z * slope[0], from.dot(frame.y) - z * slope[1]];
-        Some(Line { origin: z, offset, slope, start: z + a * cos, end: z + b * cos })
+        (least, greatest)
     }
 }
 
@@ -428,22 +504,56 @@ fn bound(x: f64) -> f32 {
     x.clamp(f64::from(-f32::MAX), f64::from(f32::MAX)) as f32
 }
 
-/// The middle of some rays: an axis, a place on it, and whether that is the origin of them all.
-fn middle(map: &PhotonMap, rays: &[(Ray, f64, f64)]) -> Option<(Frame, DVec3, bool)> {
-    let first = rays.first()?.0.origin;
-    let (mut direction, mut sum, mut common) = (DVec3::ZERO, DVec3::ZERO, true);
-    for (ray, ..) in rays {
-        direction += ray.direction;
-        sum += ray.origin;
-        common &= ray.origin == first;
+/// Where rays come from and where they go.
+#[derive(Clone, Copy, Debug)]
+struct Towards {
+    /// The sums of directions and of origins.
+    direction: DVec3,
+    origins: DVec3,
+    count: usize,
+    /// The first one's origin, and whether it is that of all.
+    origin: DVec3,
+    common: bool,
+}
+
+impl Towards {
+    const NOWHERE: Towards =
+        Towards { direction: DVec3::ZERO, origins: DVec3::ZERO, count: 0, origin: DVec3::ZERO, common: true };
+
+    #[inline(always)]
+    fn of(rays: &[(Ray, f64, f64)]) -> Self {
+        let mut all = Towards { origin: rays[0].0.origin, count: rays.len(), ..Self::NOWHERE };
+        for (ray, ..) in rays {
+            all.direction += ray.direction;
+            all.origins += ray.origin;
+            all.common &= ray.origin == all.origin;
+        }
+        all
     }
-    let axis = direction.try_normalize()?;
-    // Single precision wants its origin near the map.
-    let bounds = map.bounds();
-    let pinhole = common && first.distance(bounds.center()) < 4.0 * bounds.diagonal();
-    let mean = if common { first } else { sum / rays.len() as f64 };
-    let origin = if pinhole { mean } else { mean + axis * (bounds.center() - mean).dot(axis) };
-    Some((Frame::around(axis), origin, pinhole))
+
+    fn merge(&self, other: &Towards) -> Self {
+        if self.count == 0 {
+            return *other;
+        }
+        Towards {
+            direction: self.direction + other.direction,
+            origins: self.origins + other.origins,
+            count: self.count + other.count,
+            origin: self.origin,
+            common: self.common && other.common && self.origin == other.origin,
+        }
+    }
+
+    /// An axis, a place on it, and whether that is the origin of them all.
+    fn middle(&self, map: &PhotonMap) -> Option<(Frame, DVec3, bool)> {
+        let axis = self.direction.try_normalize()?;
+        // Single precision wants its origin near the map.
+        let bounds = map.bounds();
+        let pinhole = self.common && self.origin.distance(bounds.center()) < 4.0 * bounds.diagonal();
+        let mean = if self.common { self.origin } else { self.origins / self.count as f64 };
+        let origin = if pinhole { mean } else { mean + axis * (bounds.center() - mean).dot(axis) };
+        Some((Frame::around(axis), origin, pinhole))
+    }
 }
 
 fn rows(frame: &Frame) -> [[f32; 3]; 3] {
@@ -454,29 +564,82 @@ fn offsets(frame: &Frame, origin: DVec3) -> [f32; 3] {
     [frame.x, frame.y, frame.z].map(|axis| -axis.dot(origin) as f32)
 }
 
+/// Lines of a group: by offset and slope.
+type Part<'a> = ([&'a [f64]; 2], [&'a [f64]; 2]);
+
+impl Lines {
+    #[inline(always)]
+    fn some(&self, range: Range<usize>) -> Part<'_> {
+        let [x, y] = &self.offset;
+        let [u, v] = &self.slope;
+        ([&x[range.clone()], &y[range.clone()]], [&u[range.clone()], &v[range]])
+    }
+}
+
 /// A cone around lines whose axis is their mean.
-fn around(lines: &[Line]) -> Around {
-    let (mut offset, mut slope) = ([0.0; 2], [0.0; 2]);
-    let share = 1.0 / lines.len() as f64;
-    for line in lines {
+#[inline(always)]
+fn around(parts: &[Part<'_>]) -> Around {
+    let (mut offset, mut slope, mut count) = ([0.0; 2], [0.0; 2], 0);
+    for (offsets, slopes) in parts {
+        count += offsets[0].len();
         for axis in 0..2 {
-            offset[axis] += share * line.offset[axis];
-            slope[axis] += share * line.slope[axis];
+            for i in 0..offsets[axis].len() {
+                offset[axis] += offsets[axis][i];
+                slope[axis] += slopes[axis][i];
+            }
         }
     }
-    let (mut spread, mut widening) = (0.0f64, 0.0f64);
-    for line in lines {
-        let square = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2);
-        spread = spread.max(square(line.offset, offset));
-        widening = widening.max(square(line.slope, slope));
+    let share = 1.0 / count as f64;
+    for axis in 0..2 {
+        offset[axis] *= share;
+        slope[axis] *= share;
     }
-    // Rounded up.
-    let up = |square: f64| (square.sqrt() * (1.0 + 1e-5)) as f32;
-    Around {
-        offset: [offset[0] as f32, offset[1] as f32],
-        slope: [slope[0] as f32, slope[1] as f32],
-        spread: up(spread),
-        widening: up(widening) + 1e-6,
+    let (mut spread, mut widening) = (0.0, 0.0);
+    for (offsets, slopes) in parts {
+        for i in 0..offsets[0].len() {
+            let aside = square([offsets[0][i] - offset[0], offsets[1][i] - offset[1]]);
+            let apart = square([slopes[0][i] - slope[0], slopes[1][i] - slope[1]]);
+            spread = if aside > spread { aside } else { spread };
+            widening = if apart > widening { apart } else { widening };
+        }
+    }
+    Around::new(offset, slope, spread.sqrt(), widening.sqrt())
+}
+
+impl Around {
+    /// Rounded up.
+    fn new(offset: [f64; 2], slope: [f64; 2], spread: f64, widening: f64) -> Self {
+        let up = |x: f64| (x * (1.0 + 1e-5)) as f32;
+        Around {
+            offset: [offset[0] as f32, offset[1] as f32],
+            slope: [slope[0] as f32, slope[1] as f32],
+            spread: up(spread),
+            widening: up(widening) + 1e-6,
+        }
+    }
+
+    /// How far its lines may lean from z.
+    fn steepest(&self) -> f32 {
+        self.widening + self.slope[0].hypot(self.slope[1])
+    }
+}
+
+/// [`Group::set`] as a kernel.
+struct Arrange<'a> {
+    group: &'a mut Group,
+    map: &'a PhotonMap,
+    bundle: &'a Bundle<'a>,
+    first: usize,
+    count: usize,
+}
+
+impl Task for Arrange<'_> {
+    type Output = Option<()>;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self) -> Option<()> {
+        let Arrange { group, map, bundle, first, count } = self;
+        group.set(map, bundle, first, count)
     }
 }
 
@@ -489,7 +652,10 @@ impl Group {
         rays: [Vector::EMPTY; VECTORS],
         around: Around::AXIS,
         near: [Around::AXIS; VECTORS],
+        towards: Towards::NOWHERE,
+        axis: DVec3::Z,
         reach: 0.0,
+        last: 0.0,
         any: [0.0; 2],
         all: [0.0; 2],
         zero: 0.0,
@@ -502,25 +668,18 @@ impl Group {
     };
 
     /// Makes it the group of these rays, its sums zero. `None` if they are too far apart; then it is no group.
+    #[inline(always)]
     fn set(&mut self, map: &PhotonMap, bundle: &Bundle<'_>, first: usize, count: usize) -> Option<()> {
         let rays = &bundle.rays[first..first + count];
-        let (frame, origin, pinhole) = middle(map, rays)?;
-        let mut lines = [Line::AXIS; GROUP];
-        for (line, ray) in lines.iter_mut().zip(rays) {
-            *line = Line::new(ray, &frame, origin)?;
+        let towards = Towards::of(rays);
+        let (frame, origin, pinhole) = towards.middle(map)?;
+        let lines = Lines::new(rays, &frame, origin, f64::INFINITY);
+        if Lines::extremes(&lines.cos).0 < Line::LEAST_COS {
+            return None;
         }
-        let lines = &lines[..count];
-        let mut steepest = 0.0f64;
-        let (mut zero, mut last) = (f64::INFINITY, f64::NEG_INFINITY);
-        let (mut first_end, mut last_end) = (f64::INFINITY, f64::NEG_INFINITY);
-        for line in lines {
-            steepest = steepest.max(line.square());
-            zero = zero.min(line.start);
-            last = last.max(line.start);
-            first_end = first_end.min(line.end);
-            last_end = last_end.max(line.end);
-        }
-        let steepest = steepest.sqrt();
+        let steepest = Lines::extremes(&lines.square).1.sqrt();
+        let (zero, last) = Lines::extremes(&lines.start);
+        let (first_end, last_end) = Lines::extremes(&lines.end);
         let extinction = bundle.extinction.as_dvec3();
         // Tables know how transmittance varies; otherwise it must vary little.
         let thickness = if bundle.depths.is_some() { DVec3::ZERO } else { extinction };
@@ -546,41 +705,48 @@ impl Group {
         let pruning = Pruning::new(pruned.then(|| Pruning::number(rays[0].0.direction)));
         self.pruned = Pruned::new(pruning, exponents(bundle.extinction), bound(last));
         self.any[1] = self.any[1].min(self.pruned.end);
-        self.reach = f64::INFINITY;
+        (self.towards, self.axis) = (towards, frame.z);
+        (self.reach, self.last) = (f64::INFINITY, last_end);
         if self.pruned.end.is_finite() {
             // A photon before the end may have its foot point beyond it.
             let end = f64::from(self.pruned.end) + 2.0 * MAX_SLOPE * widest;
-            let reach = |line: &Line| (end - line.origin) * (1.0 + line.square()).sqrt();
-            self.reach = lines.iter().map(reach).fold(f64::NEG_INFINITY, f64::max);
+            self.last = last_end.min(end);
+            let mut reach = f64::NEG_INFINITY;
+            for i in 0..count {
+                reach = reach.max((end - lines.origin[i]) * (1.0 + lines.square[i]).sqrt());
+            }
+            self.reach = reach;
         }
         self.sums = [[[Row([0.0; LANES]); 3]; VECTORS]; 2];
-        self.around = around(lines);
-        for (near, lines) in self.near.iter_mut().zip(lines.chunks(LANES)) {
-            *near = around(lines);
+        self.around = around(&[lines.some(0..count)]);
+        for (vector, near) in self.near.iter_mut().enumerate().take(count.div_ceil(LANES)) {
+            *near = around(&[lines.some(vector * LANES..count.min((vector + 1) * LANES))]);
         }
-        for (index, factor) in self.factor.iter_mut().enumerate() {
-            // Lanes to spare repeat the last ray.
-            let line = &lines[index.min(count - 1)];
-            let vector = &mut self.rays[index / LANES];
-            let lane = index % LANES;
-            for axis in 0..2 {
-                vector.offset[axis].0[lane] = line.offset[axis] as f32;
-                vector.slope[axis].0[lane] = line.slope[axis] as f32;
+        for (vector, rays) in self.rays.iter_mut().enumerate() {
+            for lane in 0..LANES {
+                let i = vector * LANES + lane;
+                for axis in 0..2 {
+                    rays.offset[axis].0[lane] = lines.offset[axis][i] as f32;
+                    rays.slope[axis].0[lane] = lines.slope[axis][i] as f32;
+                }
+                rays.bend.0[lane] = (-0.5 * lines.square[i]) as f32;
+                rays.start.0[lane] = bound(lines.start[i]);
+                rays.end.0[lane] = bound(lines.end[i]);
             }
-            vector.bend.0[lane] = (-0.5 * line.square()) as f32;
-            vector.start.0[lane] = bound(line.start);
-            vector.end.0[lane] = bound(line.end);
-            let across = line.offset[0] * line.slope[0] + line.offset[1] * line.slope[1];
-            let saved = line.start - zero + 0.5 * line.start * line.square() + across;
-            if saved == 0.0 || bundle.depths.is_some() {
-                *factor = [1.0; 3];
-            } else {
-                *factor = (extinction * saved).map(f64::exp).to_array();
+        }
+        self.factor = [[1.0; 3]; GROUP];
+        if bundle.depths.is_none() {
+            for (i, factor) in self.factor.iter_mut().enumerate() {
+                let across = lines.offset[0][i] * lines.slope[0][i] + lines.offset[1][i] * lines.slope[1][i];
+                let saved = lines.start[i] - zero + 0.5 * lines.start[i] * lines.square[i] + across;
+                if saved != 0.0 {
+                    *factor = [extinction.x, extinction.y, extinction.z].map(|sigma| (sigma * saved).exp());
+                }
             }
         }
         self.table = bundle.depths.map(|(depths, step, samples)| {
             let sampled =
-                (0..count).map(|index| Sampled { samples: samples[first + index], origin: lines[index].origin });
+                (0..count).map(|index| Sampled { samples: samples[first + index], origin: lines.origin[index] });
             TransmittanceTable::new(depths, step, sampled, zero, exponents(bundle.extinction), map.isa)
         });
         Some(())
@@ -601,26 +767,62 @@ struct Cone {
 
 impl Cone {
     /// `None` if the rays are too far apart, or there are none.
-    fn around(map: &PhotonMap, bundle: &Bundle<'_>, groups: &[Group], lines: &mut Vec<Line>) -> Option<Cone> {
-        let (first, last) = (groups.first()?, groups.last()?);
-        let rays = &bundle.rays[first.first..last.first + last.count];
-        let (frame, origin, _) = middle(map, rays)?;
-        lines.clear();
-        let mut any = [f64::INFINITY, f64::NEG_INFINITY];
-        for group in groups {
-            for (ray, a, b) in &bundle.rays[group.first..group.first + group.count] {
-                let line = Line::new(&(*ray, *a, b.min(group.reach)), &frame, origin)?;
-                any = [any[0].min(line.start), any[1].max(line.end)];
-                lines.push(line);
+    fn around(map: &PhotonMap, bundle: &Bundle<'_>, groups: &[Group], lines: &mut Vec<Lines>) -> Option<Cone> {
+        let towards = groups.iter().fold(Towards::NOWHERE, |all, group| all.merge(&group.towards));
+        let (frame, origin, pinhole) = towards.middle(map)?;
+        let (around, any) = if pinhole {
+            Self::of_axes(&frame, groups)?
+        } else {
+            let mut any = [f64::INFINITY, f64::NEG_INFINITY];
+            lines.clear();
+            for group in groups {
+                let rays = &bundle.rays[group.first..group.first + group.count];
+                let some = Lines::new(rays, &frame, origin, group.reach);
+                if Lines::extremes(&some.cos).0 < Line::LEAST_COS {
+                    return None;
+                }
+                any = [any[0].min(Lines::extremes(&some.start).0), any[1].max(Lines::extremes(&some.end).1)];
+                lines.push(some);
             }
-        }
-        let around = around(lines);
+            let parts: SmallVec<[Part<'_>; VECTORS]> =
+                lines.iter().zip(groups).map(|(lines, group)| lines.some(0..group.count)).collect();
+            (around(&parts), any)
+        };
         (f64::from(around.widening) <= WIDE || groups.len() == 1).then(|| Cone {
             axes: rows(&frame),
             offset: offsets(&frame, origin),
             around,
             any: any.map(bound),
         })
+    }
+
+    /// The cone of groups that come from the frame's origin, each a cone around an axis, and its range.
+    fn of_axes(frame: &Frame, groups: &[Group]) -> Option<(Around, [f64; 2])> {
+        let mut mean = [0.0; 2];
+        for group in groups {
+            let line = Line::new(group.axis, DVec3::ZERO, (0.0, 0.0), frame);
+            if line.cos < Line::LEAST_COS {
+                return None;
+            }
+            for axis in 0..2 {
+                mean[axis] += line.slope[axis] / groups.len() as f64;
+            }
+        }
+        let (mut widening, mut any) = (0.0f64, [f64::INFINITY, f64::NEG_INFINITY]);
+        for group in groups {
+            let line = Line::new(group.axis, DVec3::ZERO, (0.0, 0.0), frame);
+            // What leans by w from an axis of slope s has at most the slope (s + w)/(1 − s w).
+            let (lean, slope) = (f64::from(group.around.steepest()), line.square().sqrt());
+            let more = lean * (1.0 + line.square()) / (1.0 - slope * lean);
+            let apart = square([line.slope[0] - mean[0], line.slope[1] - mean[1]]).sqrt();
+            widening = widening.max(apart + more);
+            let aside = lean * slope * line.cos;
+            let (start, end) = (f64::from(group.any[0]), group.last);
+            for z in [line.cos - aside, line.cos + aside] {
+                any = [any[0].min(start * z), any[1].max(end * z)];
+            }
+        }
+        Some((Around::new([0.0; 2], mean, 0.0, widening), any))
     }
 }
 
@@ -689,6 +891,9 @@ impl<L: Lanes> ConeLanes<L> {
     }
 }
 
+/// How many blocks ahead to fetch.
+const AHEAD: usize = 6;
+
 /// The walk that collects the photons near a bundle.
 struct Collect<'a, F> {
     map: &'a PhotonMap,
@@ -713,27 +918,38 @@ impl<F: FnMut(usize, &mut Near)> Task for Collect<'_, F> {
         let cone = cone.lanes::<L>();
 
         let mut stack = [0u32; STACK + LANES];
+        let mut list = [0u32; LIST];
         let mut waiting = 1;
         while waiting > 0 {
-            waiting -= 1;
-            let node = &map.nodes[stack[waiting] as usize];
-            *nodes += 1;
-            let center = load3(&node.center);
-            let hit = cone.meets(&center, L::load(&node.radius));
-            let leaves = node.leaves();
-            let (mut blocks, inner) = (hit & leaves, hit & !leaves);
-            if inner != 0
-                && let Some(out) = stack[waiting..].first_chunk_mut()
-            {
-                L::compress_indices(&node.children, inner, out);
-                waiting += inner.count_ones() as usize;
-            }
-            while blocks != 0 {
-                let index = (node.children[blocks.trailing_zeros() as usize] & !LEAF) as usize;
-                blocks &= blocks - 1;
-                if blocks != 0 {
-                    map.blocks.prefetch((node.children[blocks.trailing_zeros() as usize] & !LEAF) as usize);
+            // Walk until the list is full.
+            let mut listed = 0;
+            while waiting > 0 && listed < LISTED {
+                waiting -= 1;
+                let node = &map.nodes[stack[waiting] as usize];
+                *nodes += 1;
+                let center = load3(&node.center);
+                let hit = cone.meets(&center, L::load(&node.radius));
+                let leaves = node.leaves();
+                let (near, inner) = (hit & leaves, hit & !leaves);
+                if near != 0
+                    && let Some(out) = list[listed..].first_chunk_mut()
+                {
+                    L::compress_indices(&node.children, near, out);
+                    listed += near.count_ones() as usize;
                 }
+                if inner != 0
+                    && let Some(out) = stack[waiting..].first_chunk_mut()
+                {
+                    L::compress_indices(&node.children, inner, out);
+                    waiting += inner.count_ones() as usize;
+                }
+            }
+            for index in &list[..listed.min(AHEAD)] {
+                map.blocks.prefetch((index & !LEAF) as usize);
+            }
+            for i in 0..listed {
+                map.blocks.prefetch((list[(i + AHEAD).min(listed - 1)] & !LEAF) as usize);
+                let index = (list[i] & !LEAF) as usize;
                 let block = map.blocks.get(index);
                 let x = load3(block.position);
                 let inverse_square = L::load(block.inverse_square);
@@ -810,7 +1026,7 @@ impl<P: Evaluate> Task for Shift<'_, P> {
         let (any_start, any_end) = (L::splat(group.any[0]), L::splat(group.any[1]));
         let (all_start, all_end) = (L::splat(group.all[0]), L::splat(group.all[1]));
         // |z| of a foot point deviates from that of its photon by the radius times the slope.
-        let slope = L::splat(group.around.widening + group.around.slope[0].hypot(group.around.slope[1]) + 1e-5);
+        let slope = L::splat(group.around.steepest() + 1e-5);
         let start = L::splat(group.zero);
         let sigma = bundle.extinction;
         let exponents = exponents(sigma);
@@ -941,7 +1157,7 @@ impl Chunk {
     fn spread<L: Lanes>(&self, index: usize) -> Spread<L> {
         // Below CHUNK anyway; so the compiler knows.
         let index = index % CHUNK;
-        let of = |field: usize| L::splat(self.fields[field][index]);
+        let of = |field: usize| L::splat(self.fields[field].0[index]);
         Spread {
             place: [of(0), of(1), of(2)],
             inverse_square: of(3),
@@ -1021,7 +1237,7 @@ fn list<L: Lanes>(chunk: &Chunk, group: &Group, lists: &mut [[u32; CHUNK_STRIDE]
         let around = group.near[vector].lanes::<L>();
         let mut count = 0;
         for at in (0..chunk.len).step_by(LANES) {
-            let load = |field: usize| L::load_front(&chunk.fields[field][at..]);
+            let load = |field: usize| L::load_front(&chunk.fields[field].0[at..]);
             let hit = L::bits(around.meets(load(0), load(1), load(2), load(3).rsqrt()));
             let hit = hit & u16::MAX >> (LANES - (chunk.len - at).min(LANES));
             let mut indices = [at as u32; LANES];
@@ -1071,20 +1287,23 @@ fn evaluate_dense<L: Lanes, P: Evaluate, const PINHOLE: bool>(
     group: &mut Group,
     part: usize,
 ) -> (u64, u64) {
-    let rays = [group.rays[0].load(), group.rays[1].load(), group.rays[2].load(), group.rays[3].load()];
-    let mut sums = [[L::splat(0.0); 3]; VECTORS];
     let mut met = 0;
-    for index in 0..chunk.len {
-        let photon = chunk.spread::<L>(index);
-        for vector in 0..VECTORS {
-            let q = rays[vector].inside(&rays[vector].aside::<PINHOLE>(&photon), &photon);
-            let weight = rays[vector].weight::<P>(q, &photon);
-            accumulate(&mut sums[vector], weight, &photon);
-            met += u64::from(L::bits(L::splat(0.0).less(q)).count_ones());
+    // Two vectors at a time: their sums and all that is needed for them fit into 32 registers.
+    for (rays, rows) in group.rays.chunks_exact(2).zip(group.sums[part].chunks_exact_mut(2)) {
+        let rays = [rays[0].load::<L>(), rays[1].load::<L>()];
+        let mut sums = [[L::splat(0.0); 3]; 2];
+        for index in 0..chunk.len {
+            let photon = chunk.spread::<L>(index);
+            for vector in 0..2 {
+                let q = rays[vector].inside(&rays[vector].aside::<PINHOLE>(&photon), &photon);
+                let weight = rays[vector].weight::<P>(q, &photon);
+                accumulate(&mut sums[vector], weight, &photon);
+                met += u64::from(L::bits(L::splat(0.0).less(q)).count_ones());
+            }
         }
-    }
-    for (rows, sums) in group.sums[part].iter_mut().zip(&sums) {
-        add_to_rows(rows, sums);
+        for (rows, sums) in rows.iter_mut().zip(&sums) {
+            add_to_rows(rows, sums);
+        }
     }
     ((VECTORS * chunk.len) as u64, met)
 }
@@ -1130,6 +1349,7 @@ fn evaluate_carefully<L: Lanes, P: Evaluate>(
     }
     let counts = list::<L>(chunk, group, lists);
     let zero = L::splat(0.0);
+    let mut met = 0;
     for vector in 0..group.vectors() {
         let rays = group.rays[vector].load::<L>();
         let (start, end) = (L::load(&group.rays[vector].start), L::load(&group.rays[vector].end));
@@ -1143,7 +1363,7 @@ fn evaluate_carefully<L: Lanes, P: Evaluate>(
             let mut mask = L::and(zero.less(q), L::and(start.less(foot), foot.less(end)));
             let mut weight = rays.weight::<P>(q, &photon);
             let index = index as usize % CHUNK;
-            let of = |field: usize| L::splat(chunk.fields[field][index]);
+            let of = |field: usize| L::splat(chunk.fields[field].0[index]);
             let inverse = of(10);
             for wall in (11..).step_by(WALL_FIELDS).take(walls) {
                 // The normal across the ray; the foot point's height; the disc's distance from the wall.
@@ -1160,17 +1380,18 @@ fn evaluate_carefully<L: Lanes, P: Evaluate>(
             match &group.table {
                 None => accumulate(&mut sums, weight, &photon),
                 Some(table) => {
-                    let passed = table.at::<L>(vector, chunk.fields[PLACE][index]);
+                    let passed = table.at::<L>(vector, chunk.fields[PLACE].0[index]);
                     for channel in 0..3 {
                         sums[channel] = weight.mul(passed[channel]).mul_add(photon.power[channel], sums[channel]);
                     }
                 }
             }
-            stats.photons += u64::from(L::bits(mask).count_ones());
+            met += u64::from(L::bits(mask).count_ones());
         }
         stats.blocks += counts[vector] as u64;
         add_to_rows(&mut group.sums[part][vector], &sums);
     }
+    stats.photons += met;
     chunk.len = 0;
 }
 
@@ -1184,7 +1405,6 @@ mod tests {
     use crate::medium::density::{Density, Grid};
     use crate::photon::{MapSettings, Photon, Plane, Radius};
     use glam::DAffine3;
-    use smallvec::SmallVec;
     use std::sync::Arc;
 
     /// Photons in the cube [−1, 1]³, denser towards its middle.

@@ -152,6 +152,7 @@ impl<P: Evaluate, S: Shape> Task for Gather<'_, P, S> {
         let zero = L::splat(0.0);
         let mut total = [zero; 3];
         let mut single = [zero; 3];
+        let mut photons = 0;
         for (i, &index) in blocks.iter().enumerate() {
             prefetch(&map.loads[blocks[(i + AHEAD).min(blocks.len() - 1)] as usize]);
             let d2 = map.squared::<L>(index, &lanes);
@@ -172,7 +173,7 @@ impl<P: Evaluate, S: Shape> Task for Gather<'_, P, S> {
             {
                 bits &= at_most(events, max_events);
             }
-            stats.photons += u64::from(bits.count_ones());
+            photons += u64::from(bits.count_ones());
             let load = &map.loads[index as usize];
             let q = d2.neg_mul_add(inverse, L::splat(1.0)).max(zero);
             let weight = S::value(q).mul(phase.values(&load3::<L>(&load.direction))).keep(L::mask(bits));
@@ -187,6 +188,7 @@ impl<P: Evaluate, S: Shape> Task for Gather<'_, P, S> {
                 }
             }
         }
+        stats.photons += photons;
         let mut sums = Sums { total: [0.0; 3], single: [0.0; 3] };
         for channel in 0..3 {
             sums.total[channel] = f64::from(total[channel].sum()) * phase.constant();

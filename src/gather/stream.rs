@@ -136,9 +136,9 @@ impl<P: Evaluate, T: Transmit> Task for Stream<'_, P, T> {
             let (own, children) = lists.split_at_mut(first);
             let own = &own[visit.start..visit.start + visit.count];
             let mut counts = [0; LANES];
+            let (mut met, mut photons) = (0, 0);
             for &index in own {
                 let ray = &rays[index as usize];
-                stats.nodes += 1;
                 let lanes = ray.frame.lanes::<L>();
                 let hit = if map.boxes {
                     ray.slabs.hit::<L>(&node.min, &node.max)
@@ -149,12 +149,13 @@ impl<P: Evaluate, T: Transmit> Task for Stream<'_, P, T> {
                 if blocks != 0 {
                     let mut found = Found::<L>::none();
                     let limits = (max_events, ray.pruning);
-                    stats.blocks += u64::from(blocks.count_ones());
+                    met += u64::from(blocks.count_ones());
                     while blocks != 0 {
                         let block = (node.children[blocks.trailing_zeros() as usize] & !LEAF) as usize;
                         blocks &= blocks - 1;
-                        add_block(map, block, &lanes, &ray.phase, &transmittance, limits, &mut found, stats);
+                        add_block(map, block, &lanes, &ray.phase, &transmittance, limits, &mut found);
                     }
+                    photons += found.photons;
                     let [total, single] = &mut sums[index as usize];
                     for channel in 0..3 {
                         total[channel] += found.total[channel].sum();
@@ -168,6 +169,9 @@ impl<P: Evaluate, T: Transmit> Task for Stream<'_, P, T> {
                     counts[child] += 1;
                 }
             }
+            stats.nodes += visit.count as u64;
+            stats.blocks += met;
+            stats.photons += photons;
             let end = first + LANES * visit.count;
             for (child, &count) in counts.iter().enumerate() {
                 if count > 0 {
