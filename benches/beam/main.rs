@@ -18,7 +18,8 @@ use glam::{DAffine3, DVec3, Vec3};
 use std::sync::Arc;
 use std::time::Instant;
 use volpm::gather::{
-    BeamQuery, Bundle, BundleScratch, DepthTable, GatherStats, Lobe, PhaseLanes, SampledDepths, Samples, StreamScratch,
+    BeamQuery, Bundle, BundleScratch, DepthTable, Fan, GatherStats, Lattices, Lobe, PhaseLanes, SampledDepths, Samples,
+    StreamScratch,
 };
 use volpm::math::random::{Purpose, Stream};
 use volpm::math::{Frame, Ray};
@@ -146,6 +147,17 @@ fn measure_bundles(name: &str, map: &PhotonMap, rays: &[Ray], template: &BeamQue
     );
 }
 
+/// What rays through 8 × 8 pixels span.
+fn fan(rays: &[Ray]) -> Fan {
+    let sum: DVec3 = rays.iter().map(|ray| ray.direction).sum();
+    let frame = Frame::around(sum.normalize());
+    let slope = |ray: &Ray| {
+        let local = frame.to_local(ray.direction);
+        local.x.abs().max(local.y.abs()) / local.z
+    };
+    Fan { origin: rays[0].origin, frame, slope: rays.iter().map(slope).fold(0.0, f64::max), rays: rays.len() }
+}
+
 /// The same in a grid of uneven density, 64 voxels along each edge of the cube: with its depths sampled already, and
 /// with the time that takes.
 fn measure_grid(map: &PhotonMap, rays: &[Ray], template: &BeamQuery) {
@@ -165,11 +177,17 @@ fn measure_grid(map: &PhotonMap, rays: &[Ray], template: &BeamQuery) {
         let (mut sampling, mut gathering) = (0.0, 0.0);
         for rays in rays.chunks(256) {
             let reaches: Vec<(Ray, f64, f64)> = rays.iter().map(|ray| (*ray, 0.0, 7.5)).collect();
-            let mut depths = SampledDepths::default();
+            let (mut lattices, mut depths) = (Lattices::default(), SampledDepths::default());
             let start = seconds();
+            lattices.begin(Some(fan(rays)));
             let sample = |(ray, a, b): &(Ray, f64, f64)| {
-                let most = 0.15 / f64::from(SIGMA);
-                depths.sample(&density, 0.5 * width, ray, (*a, *b), most).expect("smooth enough").0
+                let (step, sigma) = (0.5 * width, f64::from(SIGMA));
+                let (range, most) = ((*a, *b), 0.15 / sigma);
+                lattices
+                    .sample((0, &density), step, ray, range, (most, sigma), &mut depths)
+                    .or_else(|| depths.sample(&density, step, ray, range, most))
+                    .expect("smooth enough")
+                    .0
             };
             let samples: Vec<Samples> = reaches.iter().map(sample).collect();
             let middle = seconds();

@@ -1086,10 +1086,13 @@ impl<P: Evaluate> Task for Shift<'_, P> {
             ];
             let margin = r.mul(slope);
             let inside = L::bits(L::and(all_start.less(z.sub(margin)), z.add(margin).less(all_end)));
-            let safe = if walls == 0 && !tabulated { hit & inside } else { 0 };
+            let safe = if walls == 0 { hit & inside } else { 0 };
             if safe != 0 {
                 for index in 0..FIELDS {
                     plain.write(index, fields[index], safe);
+                }
+                if let Some(table) = &group.table {
+                    plain.write(PLACE, table.place(z), safe);
                 }
                 plain.len += safe.count_ones() as usize;
                 if plain.len + LANES > CHUNK {
@@ -1165,6 +1168,12 @@ impl Chunk {
             power: [of(7), of(8), of(9)],
         }
     }
+
+    /// Where a photon lies among the knots of a table.
+    #[inline(always)]
+    fn place(&self, index: usize) -> f32 {
+        self.fields[PLACE].0[index % CHUNK]
+    }
 }
 
 /// (1 + d)^{−3/2} to fourth order.
@@ -1222,6 +1231,14 @@ fn accumulate<L: Lanes>(sums: &mut [L; 3], weight: L, photon: &Spread<L>) {
     }
 }
 
+/// The same of light that is attenuated on its way.
+#[inline(always)]
+fn accumulate_passed<L: Lanes>(sums: &mut [L; 3], weight: L, passed: &[L; 3], photon: &Spread<L>) {
+    for channel in 0..3 {
+        sums[channel] = weight.mul(passed[channel]).mul_add(photon.power[channel], sums[channel]);
+    }
+}
+
 #[inline(always)]
 fn add_to_rows<L: Lanes>(rows: &mut [Row; 3], sums: &[L; 3]) {
     for channel in 0..3 {
@@ -1270,11 +1287,15 @@ fn evaluate<L: Lanes, P: Evaluate>(
     let listed: usize = counts.iter().sum();
     let dense = group.vectors() == VECTORS && listed as f32 >= SPARSE * (VECTORS * chunk.len) as f32;
     let (tested, met) = match (dense, group.pinhole, group.wide) {
-        (true, true, _) => evaluate_dense::<L, P, true>(chunk, group, part),
-        (true, false, _) => evaluate_dense::<L, P, false>(chunk, group, part),
-        (false, true, false) => evaluate_listed::<L, P, true, false>(chunk, group, part, lists, &counts),
-        (false, true, true) => evaluate_listed::<L, P, true, true>(chunk, group, part, lists, &counts),
-        (false, false, _) => evaluate_listed::<L, P, false, true>(chunk, group, part, lists, &counts),
+        (true, _, _) if group.table.is_some() => evaluate_dense::<L, P, false, true>(chunk, group, part),
+        (true, true, _) => evaluate_dense::<L, P, true, false>(chunk, group, part),
+        (true, false, _) => evaluate_dense::<L, P, false, false>(chunk, group, part),
+        (false, _, _) if group.table.is_some() => {
+            evaluate_listed::<L, P, false, true, true>(chunk, group, part, lists, &counts)
+        }
+        (false, true, false) => evaluate_listed::<L, P, true, false, false>(chunk, group, part, lists, &counts),
+        (false, true, true) => evaluate_listed::<L, P, true, true, false>(chunk, group, part, lists, &counts),
+        (false, false, _) => evaluate_listed::<L, P, false, true, false>(chunk, group, part, lists, &counts),
     };
     stats.blocks += tested;
     stats.photons += met;
@@ -1282,14 +1303,14 @@ fn evaluate<L: Lanes, P: Evaluate>(
 }
 
 #[inline(always)]
-fn evaluate_dense<L: Lanes, P: Evaluate, const PINHOLE: bool>(
+fn evaluate_dense<L: Lanes, P: Evaluate, const PINHOLE: bool, const TABLE: bool>(
     chunk: &Chunk,
     group: &mut Group,
     part: usize,
 ) -> (u64, u64) {
     let mut met = 0;
     // Two vectors at a time: their sums and all that is needed for them fit into 32 registers.
-    for (rays, rows) in group.rays.chunks_exact(2).zip(group.sums[part].chunks_exact_mut(2)) {
+    for (pair, (rays, rows)) in group.rays.chunks_exact(2).zip(group.sums[part].chunks_exact_mut(2)).enumerate() {
         let rays = [rays[0].load::<L>(), rays[1].load::<L>()];
         let mut sums = [[L::splat(0.0); 3]; 2];
         for index in 0..chunk.len {
@@ -1297,7 +1318,13 @@ fn evaluate_dense<L: Lanes, P: Evaluate, const PINHOLE: bool>(
             for vector in 0..2 {
                 let q = rays[vector].inside(&rays[vector].aside::<PINHOLE>(&photon), &photon);
                 let weight = rays[vector].weight::<P>(q, &photon);
-                accumulate(&mut sums[vector], weight, &photon);
+                match &group.table {
+                    Some(table) if TABLE => {
+                        let passed = table.at::<L>(2 * pair + vector, chunk.place(index));
+                        accumulate_passed(&mut sums[vector], weight, &passed, &photon);
+                    }
+                    _ => accumulate(&mut sums[vector], weight, &photon),
+                }
                 met += u64::from(L::bits(L::splat(0.0).less(q)).count_ones());
             }
         }
@@ -1309,7 +1336,7 @@ fn evaluate_dense<L: Lanes, P: Evaluate, const PINHOLE: bool>(
 }
 
 #[inline(always)]
-fn evaluate_listed<L: Lanes, P: Evaluate, const PINHOLE: bool, const CLOSELY: bool>(
+fn evaluate_listed<L: Lanes, P: Evaluate, const PINHOLE: bool, const CLOSELY: bool, const TABLE: bool>(
     chunk: &Chunk,
     group: &mut Group,
     part: usize,
@@ -1325,7 +1352,13 @@ fn evaluate_listed<L: Lanes, P: Evaluate, const PINHOLE: bool, const CLOSELY: bo
             let aside = rays.aside::<PINHOLE>(&photon);
             let q = if CLOSELY { rays.inside_closely(&aside, &photon) } else { rays.inside(&aside, &photon) };
             let weight = rays.weight::<P>(q, &photon);
-            accumulate(&mut sums, weight, &photon);
+            match &group.table {
+                Some(table) if TABLE => {
+                    let passed = table.at::<L>(vector, chunk.place(index as usize));
+                    accumulate_passed(&mut sums, weight, &passed, &photon);
+                }
+                _ => accumulate(&mut sums, weight, &photon),
+            }
             met += u64::from(L::bits(L::splat(0.0).less(q)).count_ones());
         }
         tested += counts[vector] as u64;
@@ -1380,10 +1413,8 @@ fn evaluate_carefully<L: Lanes, P: Evaluate>(
             match &group.table {
                 None => accumulate(&mut sums, weight, &photon),
                 Some(table) => {
-                    let passed = table.at::<L>(vector, chunk.fields[PLACE].0[index]);
-                    for channel in 0..3 {
-                        sums[channel] = weight.mul(passed[channel]).mul_add(photon.power[channel], sums[channel]);
-                    }
+                    let passed = table.at::<L>(vector, chunk.place(index));
+                    accumulate_passed(&mut sums, weight, &passed, &photon);
                 }
             }
             met += u64::from(L::bits(mask).count_ones());

@@ -3,6 +3,7 @@
 mod beam;
 mod bundle;
 mod depth;
+mod lattice;
 pub mod march;
 mod phase;
 mod point;
@@ -13,6 +14,7 @@ mod volume;
 pub use beam::{BeamQuery, GatherStats, Gathered};
 pub use bundle::{Bundle, BundleScratch};
 pub use depth::DepthTable;
+pub use lattice::{Fan, Lattices};
 pub use phase::{Lobe, PhaseLanes};
 pub use point::{Marching, PointMaps, PointQuery};
 pub use sampled::{SampledDepths, Samples};

@@ -71,9 +71,23 @@ impl SampledDepths {
         Some((Samples { first: first as i64, start: start as u32, count: values.len() as u32 }, total))
     }
 
+    /// The values of a ray's samples.
+    pub(super) fn values(&self, samples: Samples) -> &[f32] {
+        &self.values[samples.start as usize..][..samples.count as usize]
+    }
+
+    /// Adds a ray: nothing at the multiple `first` of the step, then `inner`, then `total` for all beyond.
+    pub(super) fn insert(&mut self, first: i64, inner: impl Iterator<Item = f32>, total: f32) -> Samples {
+        let start = self.values.len();
+        self.values.push(0.0);
+        self.values.extend(inner);
+        self.values.push(total);
+        Samples { first, start: start as u32, count: (self.values.len() - start) as u32 }
+    }
+
     /// The same depths as a table of lengths from the ray's parameter `a`, for a query of its own.
     pub(super) fn tabulate(&self, samples: Samples, step: f64, a: f64, table: &mut DepthTable) {
-        let values = &self.values[samples.start as usize..][..samples.count as usize];
+        let values = self.values(samples);
         let value = |index: usize| f64::from(values[index.min(values.len() - 1)]);
         table.clear();
         for index in 0..values.len() {
@@ -155,7 +169,7 @@ impl TransmittanceTable {
             per_step: (1.0 / step) as f32,
         };
         for (index, ray) in rays.enumerate() {
-            let samples = &depths.values[ray.samples.start as usize..][..ray.samples.count as usize];
+            let samples = depths.values(ray.samples);
             let (Some(first), Some(last)) = (samples.first(), samples.last()) else { continue };
             let offset = offset(&ray);
             let (whole, part) = (offset.floor(), (offset - offset.floor()) as f32);

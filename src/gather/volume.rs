@@ -8,6 +8,7 @@ use super::{
     BeamQuery, Bundle, BundleScratch, DepthTable, GatherStats, Gathered, Lobe, PhaseLanes, SampledDepths, Samples,
     StreamScratch,
 };
+use super::{Fan, Lattices};
 use crate::math::{DVec3, Ray, Rgb, Vec3, one_minus_exp_over};
 use crate::medium::density::Density;
 use crate::medium::phase::Phase;
@@ -59,6 +60,7 @@ pub struct Queue<O> {
     bundles: Vec<Waiting<O>>,
     streams: Vec<Waiting<O>>,
     depths: SampledDepths,
+    lattices: Lattices,
     /// The owners whose stretches are done, with what was gathered for them.
     pub done: Vec<(O, Gathered)>,
     table: DepthTable,
@@ -76,6 +78,7 @@ impl<O> Default for Queue<O> {
             bundles: Vec::new(),
             streams: Vec::new(),
             depths: SampledDepths::default(),
+            lattices: Lattices::default(),
             done: Vec::new(),
             table: DepthTable::new(),
             marching: Marching::default(),
@@ -83,6 +86,13 @@ impl<O> Default for Queue<O> {
             stream: StreamScratch::default(),
             stats: GatherStats::default(),
         }
+    }
+}
+
+impl<O> Queue<O> {
+    /// The stretches from the camera that follow are those of a fan's rays.
+    pub fn begin(&mut self, fan: Option<Fan>) {
+        self.lattices.begin(fan);
     }
 }
 
@@ -144,13 +154,18 @@ impl VolumeMaps {
             return medium.transmittance(medium.density.depth(&ray, a, b));
         }
         // Nothing absorbs beyond a grid, and no photon waits beyond the discs.
-        let leaves = medium.density.support().clip(&ray, a, b).map_or(a, |(_, leaves)| leaves);
+        let (enters, leaves) = medium.density.support().clip(&ray, a, b).unwrap_or((a, a));
         let end = if leaves.is_finite() { leaves } else { end };
         let total = |until_end: f64| if end < leaves { medium.density.depth(&ray, a, b) } else { until_end };
         if together {
-            let most = MOST_PASSED / medium.extinction.max_element();
-            let step = self.steps[reach.medium as usize];
-            if let Some((samples, depth)) = queue.depths.sample(&medium.density, step, &ray, (a, end), most) {
+            let extinction = medium.extinction.max_element();
+            let (most, step) = (MOST_PASSED / extinction, self.steps[reach.medium as usize]);
+            let (density, range) = (&medium.density, (enters, end));
+            let Queue { lattices, depths, .. } = queue;
+            let sampled = lattices
+                .sample((reach.medium, density), step, &ray, range, (most, extinction), depths)
+                .or_else(|| depths.sample(density, step, &ray, range, most));
+            if let Some((samples, depth)) = sampled {
                 queue.bundles.push(Waiting { reach, samples: Some(samples), owner });
                 return medium.transmittance(total(depth));
             }

@@ -1,5 +1,6 @@
+use crate::gather::Fan;
 use crate::math::random::Spread;
-use crate::math::{DVec3, Ray, Stream, sampling};
+use crate::math::{DVec3, Frame, Ray, Stream, sampling};
 use crate::scene::description::{self, Filter};
 
 /// A pinhole or a thin lens.
@@ -55,6 +56,20 @@ impl Camera {
         let lens = self.aperture * (u * self.right + v * self.up);
         let focus = self.focus_distance * (self.forward + across);
         Ray::new(self.position + lens, (focus - lens).normalize())
+    }
+
+    /// The rays through `size` × `size` pixels from (x, y) on, `rays` in all, if they come from one point.
+    pub fn fan(&self, (x, y): (u32, u32), size: u32, rays: usize) -> Option<Fan> {
+        let half = 0.5 * f64::from(size);
+        let ndc_x = (2.0 * (f64::from(x) + half) - self.width) / self.height;
+        let ndc_y = 1.0 - 2.0 * (f64::from(y) + half) / self.height;
+        let middle = self.forward + self.tangent * (ndc_x * self.right + ndc_y * self.up);
+        let z = middle.normalize();
+        let x = self.right.reject_from_normalized(z).normalize();
+        // Pixels are seen from farther away, and aslant, off the middle of the image; filters reach beyond them.
+        let slope = (half + 0.5) * 2.0 * self.tangent / (self.height * middle.length());
+        let frame = Frame { x, y: z.cross(x), z };
+        (self.aperture == 0.0).then_some(Fan { origin: self.position, frame, slope, rays })
     }
 
     /// The radius of the lens.

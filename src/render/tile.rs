@@ -107,6 +107,8 @@ impl Round<'_, '_> {
         let mut done = Tile { sums: Vec::new(), gathered: GatherStats::default(), tally: Tally::default() };
         for part in 0..(TILE / BUNDLE).pow(2) {
             let (x0, y0) = (x0 + part % (TILE / BUNDLE) * BUNDLE, y0 + part / (TILE / BUNDLE) * BUNDLE);
+            let rays = (BUNDLE * BUNDLE) as usize * self.samples.len();
+            queue.begin(self.camera.fan((x0, y0), BUNDLE, rays));
             for index in 0..BUNDLE * BUNDLE {
                 let (x, y) = (x0 + every_second_bit(index), y0 + every_second_bit(index >> 1));
                 if x < width && y < height && !self.stopped() {
