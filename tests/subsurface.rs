@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use volpm::image::Image;
 use volpm::math::random::Purpose;
 use volpm::math::{DVec3, Ray, Rgb, Stream};
+use volpm::photon::{self, Pass, Photon};
 use volpm::scene::{Inside, Scene};
 use volpm::transport::{Crossing, Segment, Side, Stop, Tally, Visitor, Walk, fly, survive};
 
@@ -517,11 +518,7 @@ fn wax_lit_from_inside() {
     checks.finish();
 }
 
-/// A small solid on a wide floor, under a sky: photons are aimed at it, from the lights and from the floor, and those
-/// that come from far away are not so strong that they stand out.
-#[test]
-fn a_small_solid_on_a_wide_floor() {
-    let text = "
+const ON_A_FLOOR: &str = "
 [film]
 width = 12
 height = 12
@@ -562,9 +559,41 @@ emission = { radiance = 4.0 }
 type = \"environment\"
 radiance = 0.3
 ";
-    let path = Estimate::of(16, text, &["render.method=path", "render.samples=96"]);
-    let found = Estimate::of(24, text, &["photons.volume=100000", "render.samples=8"]);
+
+/// A small solid on a wide floor, under a sky: photons are aimed at it, from the lights and from the floor, and those
+/// that come from far away are not so strong that they stand out.
+#[test]
+fn a_small_solid_on_a_wide_floor() {
+    let path = Estimate::of(16, ON_A_FLOOR, &["render.method=path", "render.samples=96"]);
+    let found = Estimate::of(24, ON_A_FLOOR, &["photons.volume=100000", "render.samples=8"]);
     let mut checks = Checks::default();
     checks.agree("a small solid", &found, &path, 0.015, 0.01);
     checks.finish();
+}
+
+/// Photons of one walk are no more than one, and one of great power stands for many: either is seen as blotches. The power
+/// just below one side of the milk varies as that of not much fewer independent photons than are stored there.
+#[test]
+fn photons_in_a_dense_solid_are_nearly_independent() {
+    const SEEDS: u64 = 48;
+    let scene = scene(ON_A_FLOOR, &[]);
+    let side = |seed: u64| {
+        let pass = Pass { seed, index: 0, target: 20_000, max_emitted: 10_000_000 };
+        let traced = photon::trace(&scene, &pass, &|_, _| {}, &|| false);
+        let shallow = |photon: &&Photon| {
+            let p = photon.position.as_dvec3() + scene.center;
+            p.z > 0.0 && p.y > 0.2 && p.y < 1.8 && 0.8 - p.x.hypot(p.z) < 1.0 / 15.0
+        };
+        let powers =
+            traced.regions.iter().flatten().filter(shallow).map(|photon| f64::from(photon.power.element_sum()));
+        powers.fold((0.0, 0.0), |(count, sum), power| (count + 1.0, sum + power))
+    };
+    let found: Vec<(f64, f64)> = (1..=SEEDS).into_par_iter().map(side).collect();
+    let n = SEEDS as f64;
+    let mean = |of: &dyn Fn(&(f64, f64)) -> f64| found.iter().map(of).sum::<f64>() / n;
+    let (stored, power) = (mean(&|side| side.0), mean(&|side| side.1));
+    let variance = mean(&|side| (side.1 - power).powi(2)) * n / (n - 1.0);
+    let independent = power * power / variance;
+    // The variance is known to a fifth.
+    assert!(independent > 0.25 * stored, "{stored:.0} photons vary as {independent:.0} independent ones");
 }

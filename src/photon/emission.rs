@@ -11,7 +11,7 @@ use crate::scene::{Glow, Inside, Scene, Solid};
 pub struct Sources<'s> {
     scene: &'s Scene,
     sources: Vec<Source<'s>>,
-    /// Running sums of the sources' shares of the power, ending in 1.
+    /// Running sums of the sources' shares of the photons, which are those of the power unless evened out, ending in 1.
     cumulative: Vec<f64>,
     /// Where photons are aimed at: the spheres around solids, then wider ones; empty while they are not.
     targets: Vec<Target>,
@@ -38,6 +38,9 @@ const CLOSEST: f64 = 0.5;
 const AROUND: f64 = 0.25;
 /// See [`AROUND`].
 const WIDER: f64 = 3.0;
+/// The share of photons that stays drawn in proportion to power once shares are evened out: what is learnt from a few
+/// photons may be wrong.
+const BY_POWER: f64 = 0.25;
 
 #[derive(Debug)]
 enum Source<'s> {
@@ -57,6 +60,8 @@ pub struct Start {
     pub inside: Inside,
     /// Whether it comes from a light, not from a glowing medium.
     pub from_light: bool,
+    /// The number of its source.
+    pub source: u32,
 }
 
 impl<'s> Sources<'s> {
@@ -183,6 +188,35 @@ impl<'s> Sources<'s> {
         Some(Departure { ray: Ray::new(ray.origin, direction), power, spread }).filter(|_| own > 0.0)
     }
 
+    /// Draws sources anew in shares with which photons of all of them arrive with about the same power, given the sources
+    /// and powers of some that arrived: a sky is drawn for what it sends to a whole scene, of which a solid gets little,
+    /// in many photons of little power. The light is the same.
+    pub fn even_out(&mut self, arrived: &[(u32, f64)]) {
+        let mut found = vec![(0.0, 0.0); self.sources.len()];
+        for &(source, power) in arrived {
+            let (count, sum) = &mut found[source as usize];
+            *count += 1.0;
+            *sum += power;
+        }
+        let shares: Vec<f64> = (0..self.sources.len()).map(|index| self.share(index)).collect();
+        let mean = |(count, sum): (f64, f64)| if count > 0.0 { sum / count } else { 0.0 };
+        let wanted: Vec<f64> = shares.iter().zip(&found).map(|(share, &found)| share * mean(found)).collect();
+        let total: f64 = wanted.iter().sum();
+        if !total.is_normal() {
+            return;
+        }
+        let mut sum = 0.0;
+        for (cumulative, (share, wanted)) in self.cumulative.iter_mut().zip(shares.iter().zip(wanted)) {
+            sum += BY_POWER * share + (1.0 - BY_POWER) * wanted / total;
+            *cumulative = sum;
+        }
+    }
+
+    /// The share of photons that start at a source.
+    fn share(&self, index: usize) -> f64 {
+        self.cumulative[index] - if index == 0 { 0.0 } else { self.cumulative[index - 1] }
+    }
+
     /// Whether nothing shines.
     pub fn is_empty(&self) -> bool {
         self.sources.is_empty()
@@ -192,12 +226,13 @@ impl<'s> Sources<'s> {
     pub fn start(&self, stream: &mut Stream) -> Option<Start> {
         let u = stream.uniform();
         let index = self.cumulative.partition_point(|&sum| sum <= u).min(self.sources.len().checked_sub(1)?);
-        let share = self.cumulative[index] - if index == 0 { 0.0 } else { self.cumulative[index - 1] };
+        let share = self.share(index);
         let mut start = match &self.sources[index] {
             Source::Light(light, inside) => self.start_at_light(*light, inside.as_ref(), stream)?,
             Source::Glow(glow) => self.start_in(glow, stream)?,
         };
         start.power /= share;
+        start.source = index as u32;
         (start.power.max_element() > 0.0).then_some(start)
     }
 
@@ -210,6 +245,7 @@ impl<'s> Sources<'s> {
             power: radiated * (4.0 * PI / density),
             inside,
             from_light: false,
+            source: 0,
         })
     }
 
@@ -224,10 +260,10 @@ impl<'s> Sources<'s> {
                 let back = Ray::new(ray.origin, -ray.direction);
                 power *= medium.transmittance(medium.density.depth(&back, 0.0, f64::INFINITY));
             }
-            return Some(Start { ray, power, inside: Inside::default(), from_light: true });
+            return Some(Start { ray, power, inside: Inside::default(), from_light: true, source: 0 });
         }
         let inside = inside.cloned().unwrap_or_else(|| self.scene.inside(ray.origin));
-        Some(Start { ray, power, inside, from_light: true })
+        Some(Start { ray, power, inside, from_light: true, source: 0 })
     }
 }
 

@@ -66,6 +66,21 @@ const SELDOM: f64 = 0.2;
 const RARE: f64 = 0.01;
 /// A map expected to hold more than this many times its target thins itself.
 const CROWDED: f64 = 1.5;
+/// Photons of one walk through a deep medium lie near one another, and many of them are hardly more than one. So more are
+/// emitted, and about one is kept of each walk; but this takes no more than so many times the emissions,
+const MOST_MORE: f64 = 8.0;
+/// and no more than so many collisions for each photon kept: beyond, tracing would cost more than all the rest.
+const MOST_COLLISIONS: f64 = 32.0;
+/// An emission costs about as much as so many of them.
+const EMISSION: f64 = 8.0;
+/// Power that enters deep media goes in portions: no more than this many times the usual,
+const HEAVY: f64 = 2.0;
+/// and hardly less than this many times it;
+const LIGHT: f64 = 0.25;
+/// but one photon becomes so many at most.
+const MOST_SPLIT: f64 = 256.0;
+/// Near surfaces, the distance to them is asked for once in so many collisions: it saves more only where it is long.
+const SELDOM_ASKED: u32 = 8;
 /// Photons still on their way after so many events are dropped and counted.
 const SAFETY_STOP: u64 = 1_000_000_000;
 
@@ -78,7 +93,8 @@ pub fn trace(
     stop: &(impl Fn() -> bool + Sync),
 ) -> Traced {
     let sources = Sources::new(scene);
-    let mut tracer = Tracer { scene, sources, deep: deep(scene), typical: None, forced: false, keep: 1.0 };
+    let mut tracer =
+        Tracer { scene, sources, deep: deep(scene), typical: None, portion: None, forced: false, keep: 1.0 };
     let empty = || Traced { regions: vec![Vec::new(); scene.regions as usize], ..Traced::default() };
     if tracer.sources.is_empty() || !scene.media.iter().any(|medium| medium.scatters()) {
         return empty();
@@ -89,23 +105,35 @@ pub fn trace(
         let chunks = tracer.run(pass, Purpose::Pilot, (0..count, count), &|_, _| {}, stop);
         let collided: u64 = chunks.iter().map(|chunk| chunk.collided).sum();
         let stored: usize = chunks.iter().map(|chunk| chunk.photons.len()).sum();
-        (collided as f64 / count as f64, stored)
+        (collided as f64 / count as f64, stored, surplus(&chunks, count))
     };
     let mut piloted = PILOTS[0];
-    let (mut collided, mut stored) = pilot(&tracer, piloted);
+    let (mut collided, mut stored, mut surplus) = pilot(&tracer, piloted);
     if collided < SELDOM {
         tracer.sources.aim();
         let chunks = tracer.run(pass, Purpose::Pilot, (0..piloted, piloted), &|_, _| {}, stop);
         let powers = || chunks.iter().flat_map(|chunk| chunk.photons.iter().map(|(_, photon)| photon.power));
         tracer.typical = typical(powers().map(|power| f64::from(power.element_sum())).collect());
-        (collided, stored) = pilot(&tracer, piloted);
+        (collided, stored, surplus) = pilot(&tracer, piloted);
+    }
+    let deep = tracer.deep.iter().any(Option::is_some);
+    if deep {
+        let entering = |tracer: &Tracer| -> Vec<(u32, f64)> {
+            let chunks = tracer.run(pass, Purpose::Pilot, (0..piloted, piloted), &|_, _| {}, stop);
+            chunks.into_iter().flat_map(|chunk| chunk.entering).collect()
+        };
+        tracer.sources.even_out(&entering(&tracer));
+        tracer.portion = portion(entering(&tracer).into_iter().map(|(_, power)| power).collect());
+        // What is weaker would not enter.
+        tracer.typical = tracer.typical.and(tracer.portion.map(|portion| LIGHT * portion).or(tracer.typical));
+        (collided, stored, surplus) = pilot(&tracer, piloted);
     }
     if collided < RARE {
         tracer.forced = true;
         // Small media far from the light.
         for count in PILOTS {
             piloted = count;
-            (collided, stored) = pilot(&tracer, count);
+            (collided, stored, surplus) = pilot(&tracer, count);
             if stored >= TELLING || stop() {
                 break;
             }
@@ -119,17 +147,19 @@ pub fn trace(
                 continue;
             }
             piloted = count;
-            (collided, stored) = pilot(&tracer, count);
+            (collided, stored, surplus) = pilot(&tracer, count);
         }
     }
     if collided == 0.0 || (stored == 0 && single != SingleScattering::Photons) || stop() {
         return Traced { emitted: piloted, forced: tracer.forced, ..empty() };
     }
     let share = stored as f64 / piloted as f64;
-    let wanted = (pass.target as f64 / share).ceil().max(1.0) as u64;
+    let surplus = if deep { surplus } else { 1.0 };
+    let crowded = if surplus > 1.0 { 1.0 } else { CROWDED };
+    let wanted = (pass.target as f64 / share * surplus).ceil().max(1.0) as u64;
     let emitted = wanted.max(FEWEST).min(pass.max_emitted);
     let expected = emitted as f64 * share;
-    if expected > CROWDED * pass.target as f64 {
+    if expected > crowded * pass.target as f64 {
         tracer.keep = pass.target as f64 / expected;
     }
 
@@ -160,6 +190,27 @@ fn typical(mut powers: Vec<f64>) -> Option<f64> {
     (!powers.is_empty()).then(|| *powers.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
+/// How many times more photons to emit than are needed to fill the map: see [`MOST_MORE`].
+fn surplus(chunks: &[Chunk], emitted: u64) -> f64 {
+    let stored: usize = chunks.iter().map(|chunk| chunk.photons.len()).sum();
+    let storing: u64 = chunks.iter().map(|chunk| chunk.storing).sum();
+    let collisions: u64 = chunks.iter().map(|chunk| chunk.collisions).sum();
+    let correlated = stored as f64 / storing.max(1) as f64;
+    let affordable = MOST_COLLISIONS * stored as f64 / (collisions as f64 + EMISSION * emitted as f64);
+    correlated.min(affordable).clamp(1.0, MOST_MORE)
+}
+
+/// The power up to which photons carry half of all.
+fn portion(mut powers: Vec<f64>) -> Option<f64> {
+    powers.sort_unstable_by(f64::total_cmp);
+    let half = 0.5 * powers.iter().sum::<f64>();
+    let mut sum = 0.0;
+    powers.into_iter().find(|power| {
+        sum += power;
+        sum >= half
+    })
+}
+
 /// The least extinction by medium, of those of one density that are many mean free paths thick.
 fn deep(scene: &Scene) -> Vec<Option<f64>> {
     let extent = scene.bounds().diagonal();
@@ -185,6 +236,8 @@ struct Tracer<'s> {
     deep: Vec<Option<f64>>,
     /// The power of photons in the map, where photons are aimed at solids from diffuse surfaces, too.
     typical: Option<f64>,
+    /// The power with which photons enter deep media, as a rule; unknown until it is piloted.
+    portion: Option<f64>,
     forced: bool,
     /// The share of photons that are kept.
     keep: f64,
@@ -195,6 +248,11 @@ struct Chunk {
     emitted: u64,
     photons: Vec<(u32, Photon)>,
     collided: u64,
+    /// Emissions that stored a photon.
+    storing: u64,
+    collisions: u64,
+    /// Sources and powers of photons that enter deep media, while their usual power is unknown.
+    entering: Vec<(u32, f64)>,
     tally: Tally,
 }
 
@@ -238,12 +296,24 @@ impl Tracer<'_> {
             chunk.tally.broken += 1;
             return;
         }
-        let mut flight = Flight { tracer: self, chunk, stream, collided: false };
+        let stored = chunk.photons.len();
+        let mut flight = Flight {
+            tracer: self,
+            chunk,
+            stream,
+            source: start.source,
+            split: Vec::new(),
+            collided: false,
+            unasked: 0,
+        };
         let known = start.from_light && self.scene.volume.single_scattering != SingleScattering::Photons;
         flight.follow(Walk::start(self.scene, start.ray, start.inside), start.power, 0, self.forced, known);
-        if flight.collided {
-            chunk.collided += 1;
+        while let Some(Split { walk, weight, events, forced, known }) = flight.split.pop() {
+            flight.follow(walk, weight, events, forced, known);
         }
+        let collided = flight.collided;
+        chunk.collided += u64::from(collided);
+        chunk.storing += u64::from(chunk.photons.len() > stored);
     }
 }
 
@@ -252,7 +322,22 @@ struct Flight<'f, 's> {
     tracer: &'f Tracer<'s>,
     chunk: &'f mut Chunk,
     stream: &'f mut Stream,
+    /// Where it comes from.
+    source: u32,
+    /// Parts yet to be followed.
+    split: Vec<Split<'s>>,
     collided: bool,
+    /// For so many collisions near surfaces the distance to these is not asked for.
+    unasked: u32,
+}
+
+/// A part of a photon that was split.
+struct Split<'s> {
+    walk: Walk<'s>,
+    weight: Rgb,
+    events: u64,
+    forced: bool,
+    known: bool,
 }
 
 impl Tracer<'_> {
@@ -266,7 +351,11 @@ impl<'s> Flight<'_, 's> {
     /// `known`: shadow rays will find its light, if it collides next.
     fn follow(&mut self, mut walk: Walk<'s>, mut weight: Rgb, mut events: u64, forced: bool, mut known: bool) {
         let mut turns = 0;
+        let mut entering = true;
         loop {
+            if std::mem::take(&mut entering) && !self.enter(&walk, &mut weight, (events, forced, known)) {
+                return;
+            }
             let mut passage = Passage { flight: self, weight, events, forced, known, collision: None };
             let stop = walk.advance(&mut passage);
             weight = passage.weight;
@@ -302,6 +391,7 @@ impl<'s> Flight<'_, 's> {
                         matches!(at.reflection, Reflection::Dielectric(..)) && direction.dot(at.normal) < 0.0;
                     known &= refracted && self.tracer.straight_on();
                     walk.leave(at, direction);
+                    entering = true;
                     let specular = matches!(at.reflection, Reflection::Dielectric(..) | Reflection::Mirror(_));
                     turns = if specular { turns + 1 } else { 0 };
                     if !transport::endures(turns, &mut weight, self.stream) {
@@ -320,6 +410,36 @@ impl<'s> Flight<'_, 's> {
                 return;
             }
         }
+    }
+
+    /// Photons that set out into a deep medium get about the power of others there: strong ones are split, each part
+    /// wandering by itself, and weak ones left to roulette. One with the power of hundreds would be seen as a blotch, and
+    /// many weak ones take the room of others in the map. Returns whether this one goes on.
+    fn enter(&mut self, walk: &Walk<'s>, weight: &mut Rgb, (events, forced, known): (u64, bool, bool)) -> bool {
+        let medium = self.tracer.scene.medium(&walk.inside);
+        if medium.is_none_or(|medium| self.tracer.deep[medium as usize].is_none()) {
+            return true;
+        }
+        let power = weight.element_sum();
+        let Some(portion) = self.tracer.portion else {
+            if power > 0.0 && power.is_finite() {
+                self.chunk.entering.push((self.source, power));
+            }
+            return true;
+        };
+        let least = LIGHT * portion;
+        if power < least {
+            *weight *= least / power;
+            return self.stream.uniform() * least < power;
+        }
+        if power > HEAVY * portion {
+            let parts = (power / portion).round().min(MOST_SPLIT);
+            *weight /= parts;
+            for _ in 1..parts as usize {
+                self.split.push(Split { walk: walk.clone(), weight: *weight, events, forced, known });
+            }
+        }
+        true
     }
 
     /// Light that a diffuse surface sends to solids that photons are aimed at: few photons would come there by chance,
@@ -367,13 +487,29 @@ impl<'s> Flight<'_, 's> {
         let depth = self.tracer.deep[medium as usize];
         let medium = &scene.media[medium as usize];
         self.collided = true;
+        self.chunk.collisions += 1;
         let power = *weight * medium.albedo;
         let mut clear = walk.clearance(t);
         let mut keep = self.tracer.keep;
-        if let Some(extinction) = depth {
-            keep *= self.tracer.seen(walk.ray.at(t), extinction, &mut clear);
+        let mut stored = !known && power.max_element() > 0.0;
+        match depth {
+            None => stored = stored && (keep >= 1.0 || self.stream.uniform() < keep),
+            Some(extinction) => {
+                // To ask for the surface takes longer than all else: not for photons that would not be kept anyway,
+                // and for the sake of the walk only where it may be far.
+                let chance = self.stream.uniform();
+                stored &= chance < keep;
+                let near = clear * extinction < KEPT;
+                if stored || near && self.unasked == 0 {
+                    keep *= self.tracer.seen(walk.ray.at(t), extinction, &mut clear);
+                    stored &= chance < keep;
+                    self.unasked = if clear * extinction < KEPT { SELDOM_ASKED } else { 0 };
+                } else if near {
+                    self.unasked -= 1;
+                }
+            }
         }
-        if !known && power.max_element() > 0.0 && (keep >= 1.0 || self.stream.uniform() < keep) {
+        if stored {
             let photon = Photon {
                 position: walk.ray.at(t).as_vec3(),
                 direction: walk.ray.direction.as_vec3(),
