@@ -450,12 +450,12 @@ fn around(p: DVec2, (sin, cos): (f64, f64)) -> DVec3 {
 }
 
 fn half_plane(p: DVec3) -> DVec2 {
-    DVec2::new(p.x.hypot(p.z), p.y)
+    DVec2::new(DVec2::new(p.x, p.z).length(), p.y)
 }
 
 /// Sine and cosine of the turn to `p`.
 fn turn_of(p: DVec3) -> (f64, f64) {
-    let radius = p.x.hypot(p.z);
+    let radius = DVec2::new(p.x, p.z).length();
     if radius > 0.0 { (p.z / radius, p.x / radius) } else { (0.0, 1.0) }
 }
 
