@@ -276,8 +276,7 @@ impl RayFrame {
     }
 }
 
-/// Sums in lanes, and how many photons there are in them: counted here, in a register. What a loop writes for every
-/// block delays whatever it reads from the same place in another page.
+/// Sums in lanes, and how many photons there are in them, counted in a register.
 pub(super) struct Found<L> {
     pub(super) total: [L; 3],
     pub(super) single: [L; 3],
