@@ -1,7 +1,7 @@
 //! Optical depths of many rays from one point, as of a pinhole camera through neighbouring pixels: a lattice of rays
 //! is sampled, and those between are interpolated.
 
-use super::sampled::{SampledDepths, Samples};
+use super::sampled::{MOST, SampledDepths, Samples};
 use crate::math::{DVec3, Frame, Ray};
 use crate::medium::density::Density;
 
@@ -23,9 +23,6 @@ const TOLERANCE: f64 = 0.01;
 
 /// A ray of the lattice must serve so many others.
 const WORTHWHILE: f64 = 2.0;
-
-/// Samples of a ray of the lattice, at most.
-const MOST: f64 = 4096.0;
 
 /// The lattices of a fan through the grids it meets.
 #[derive(Clone, Debug, Default)]

@@ -25,7 +25,7 @@ pub struct Samples {
 }
 
 /// Samples of a ray, at most.
-const MOST: f64 = 4096.0;
+pub(super) const MOST: f64 = 4096.0;
 
 impl SampledDepths {
     /// Forgets all rays.

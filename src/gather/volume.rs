@@ -5,10 +5,9 @@ use std::ops::ControlFlow;
 use super::beam::Pruning;
 use super::point::Marching;
 use super::{
-    BeamQuery, Bundle, BundleScratch, DepthTable, GatherStats, Gathered, Lobe, PhaseLanes, SampledDepths, Samples,
-    StreamScratch,
+    BeamQuery, Bundle, BundleScratch, DepthTable, Fan, GatherStats, Gathered, Lattices, Lobe, PhaseLanes,
+    SampledDepths, Samples, StreamScratch,
 };
-use super::{Fan, Lattices};
 use crate::math::{DVec3, Ray, Rgb, Vec3, one_minus_exp_over};
 use crate::medium::density::Density;
 use crate::medium::phase::Phase;

@@ -45,9 +45,7 @@ impl Camera {
     pub fn ray(&self, x: u32, y: u32, stream: &mut Stream) -> Ray {
         stream.spread(Spread::Film);
         let [dx, dy] = stream.uniform2().map(|u| self.filter_offset(u));
-        let ndc_x = (2.0 * (x as f64 + 0.5 + dx) - self.width) / self.height;
-        let ndc_y = 1.0 - 2.0 * (y as f64 + 0.5 + dy) / self.height;
-        let across = self.tangent * (ndc_x * self.right + ndc_y * self.up);
+        let across = self.across(x as f64 + 0.5 + dx, y as f64 + 0.5 + dy);
         if self.aperture == 0.0 {
             return Ray::new(self.position, (self.forward + across).normalize());
         }
@@ -58,12 +56,17 @@ impl Camera {
         Ray::new(self.position + lens, (focus - lens).normalize())
     }
 
+    /// Where a place of the film, in pixels from the top left, is seen, from the end of `forward`.
+    fn across(&self, x: f64, y: f64) -> DVec3 {
+        let ndc_x = (2.0 * x - self.width) / self.height;
+        let ndc_y = 1.0 - 2.0 * y / self.height;
+        self.tangent * (ndc_x * self.right + ndc_y * self.up)
+    }
+
     /// The rays through `size` × `size` pixels from (x, y) on, `rays` in all, if they come from one point.
     pub fn fan(&self, (x, y): (u32, u32), size: u32, rays: usize) -> Option<Fan> {
         let half = 0.5 * f64::from(size);
-        let ndc_x = (2.0 * (f64::from(x) + half) - self.width) / self.height;
-        let ndc_y = 1.0 - 2.0 * (f64::from(y) + half) / self.height;
-        let middle = self.forward + self.tangent * (ndc_x * self.right + ndc_y * self.up);
+        let middle = self.forward + self.across(f64::from(x) + half, f64::from(y) + half);
         let z = middle.normalize();
         let x = self.right.reject_from_normalized(z).normalize();
         // Pixels are seen from farther away, and aslant, off the middle of the image; filters reach beyond them.
