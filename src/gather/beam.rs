@@ -5,7 +5,7 @@ use super::depth::DepthTable;
 use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Sum};
 use crate::math::random::mix;
 use crate::math::{DVec3, Frame, Vec3};
-use crate::photon::discs::{LEAF, STACK};
+use crate::photon::discs::{LEAF, Node, STACK};
 use crate::photon::kernel::Profile;
 use crate::photon::map::{PhotonMap, WallLayer};
 use crate::photon::simd::{LANES, Lanes, Row, Task, at_most, dot_plus, load3, splat3};
@@ -382,13 +382,90 @@ pub(super) struct RayLanes<L> {
 }
 
 /// Blocks found before they are evaluated: few enough that the list stays in the nearest cache.
-pub(super) const LISTED: usize = 256;
+const LISTED: usize = 256;
 
 /// How many blocks ahead to fetch.
 const AHEAD: usize = 2;
 
 /// Added blocks of one node may overshoot the list, and so may a whole vector written for them.
-pub(super) const LIST: usize = LISTED + 2 * LANES;
+const LIST: usize = LISTED + 2 * LANES;
+
+/// What may meet a node's children.
+pub(super) trait Meets<L> {
+    /// Those it meets.
+    fn children(&self, node: &Node) -> u16;
+}
+
+/// A walk through the hierarchy, depth first, that lists the blocks it finds, some at a time.
+pub(super) struct Descent {
+    stack: [u32; STACK + LANES],
+    waiting: usize,
+    list: [u32; LIST],
+    /// Nodes visited.
+    pub(super) nodes: u64,
+}
+
+impl Descent {
+    #[inline(always)]
+    pub(super) fn new() -> Self {
+        Descent { stack: [0; STACK + LANES], waiting: 1, list: [0; LIST], nodes: 0 }
+    }
+
+    /// Whether there is more to be listed.
+    #[inline(always)]
+    pub(super) fn goes_on(&self) -> bool {
+        self.waiting > 0
+    }
+
+    /// Lists blocks anew until the list is full or the walk ends. Returns how many.
+    #[inline(always)]
+    pub(super) fn list<L: Lanes>(&mut self, map: &PhotonMap, target: &impl Meets<L>) -> usize {
+        let mut listed = 0;
+        while self.waiting > 0 && listed < LISTED {
+            self.waiting -= 1;
+            let node = &map.nodes[self.stack[self.waiting] as usize];
+            self.nodes += 1;
+            let hit = target.children(node);
+            let leaves = node.leaves();
+            let (near, inner) = (hit & leaves, hit & !leaves);
+            if near != 0
+                && let Some(out) = self.list[listed..].first_chunk_mut()
+            {
+                L::compress_indices(&node.children, near, out);
+                listed += near.count_ones() as usize;
+            }
+            if inner != 0
+                && let Some(out) = self.stack[self.waiting..].first_chunk_mut()
+            {
+                L::compress_indices(&node.children, inner, out);
+                self.waiting += inner.count_ones() as usize;
+            }
+        }
+        listed
+    }
+
+    /// A block of the list.
+    #[inline(always)]
+    pub(super) fn block(&self, place: usize) -> usize {
+        (self.list[place] & !LEAF) as usize
+    }
+}
+
+/// A ray, by the test that its map wants.
+struct Target<'a, L> {
+    ray: &'a RayLanes<L>,
+    slabs: &'a Option<Slabs>,
+}
+
+impl<L: Lanes> Meets<L> for Target<'_, L> {
+    #[inline(always)]
+    fn children(&self, node: &Node) -> u16 {
+        match self.slabs {
+            Some(slabs) => slabs.hit::<L>(&node.min, &node.max),
+            None => self.ray.hit(&node.center, &node.radius),
+        }
+    }
+}
 
 impl<P: Evaluate, T: Transmit> Task for Gather<'_, P, T> {
     type Output = Sums;
@@ -401,42 +478,14 @@ impl<P: Evaluate, T: Transmit> Task for Gather<'_, P, T> {
 
         let limits = (query.max_events, pruning);
         let mut sums = Sums { total: [0.0; 3], single: [0.0; 3] };
-        let mut stack = [0u32; STACK + LANES];
-        let mut list = [0u32; LIST];
-        let mut waiting = 1;
-        let (mut nodes, mut blocks, mut photons) = (0, 0, 0);
-        while waiting > 0 {
-            // Walk until the list is full.
-            let mut listed = 0;
-            while waiting > 0 && listed < LISTED {
-                waiting -= 1;
-                let node = &map.nodes[stack[waiting] as usize];
-                nodes += 1;
-                let hit = match &slabs {
-                    Some(slabs) => slabs.hit::<L>(&node.min, &node.max),
-                    None => ray.hit(&node.center, &node.radius),
-                };
-                let leaves = node.leaves();
-                let (near, inner) = (hit & leaves, hit & !leaves);
-                if near != 0
-                    && let Some(out) = list[listed..].first_chunk_mut()
-                {
-                    L::compress_indices(&node.children, near, out);
-                    listed += near.count_ones() as usize;
-                }
-                if inner != 0
-                    && let Some(out) = stack[waiting..].first_chunk_mut()
-                {
-                    L::compress_indices(&node.children, inner, out);
-                    waiting += inner.count_ones() as usize;
-                }
-            }
-
-            // Evaluate what it holds.
+        let mut descent = Descent::new();
+        let (mut blocks, mut photons) = (0, 0);
+        while descent.goes_on() {
+            let listed = descent.list::<L>(map, &Target { ray: &ray, slabs: &slabs });
             let mut found = Found::<L>::none();
             for i in 0..listed {
-                map.blocks.prefetch((list[(i + AHEAD).min(listed - 1)] & !LEAF) as usize);
-                let index = (list[i] & !LEAF) as usize;
+                map.blocks.prefetch(descent.block((i + AHEAD).min(listed - 1)));
+                let index = descent.block(i);
                 add_block(map, index, &ray, &phase, &transmittance, limits, &mut found);
             }
             for channel in 0..3 {
@@ -446,7 +495,7 @@ impl<P: Evaluate, T: Transmit> Task for Gather<'_, P, T> {
             blocks += listed as u64;
             photons += found.photons;
         }
-        stats.nodes += nodes;
+        stats.nodes += descent.nodes;
         stats.blocks += blocks;
         stats.photons += photons;
         sums

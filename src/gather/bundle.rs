@@ -14,12 +14,12 @@
     reason = "iterators' closures need not be inlined into a kernel's instruction set"
 )]
 
-use super::beam::{BeamQuery, GatherStats, Gathered, LIST, LISTED, Pruning, exponents};
+use super::beam::{BeamQuery, Descent, GatherStats, Gathered, Meets, Pruning, exponents};
 use super::depth::DepthTable;
 use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Sum};
 use super::sampled::{Sampled, SampledDepths, Samples, TransmittanceTable};
 use crate::math::{DVec3, Frame, Ray, Vec3};
-use crate::photon::discs::{LEAF, STACK};
+use crate::photon::discs::Node;
 use crate::photon::kernel::{Profile, inverse_biweight_share};
 use crate::photon::map::PhotonMap;
 use crate::photon::simd::{LANES, Lanes, Row, Task, at_most, dot_plus, load3, splat3};
@@ -364,7 +364,6 @@ impl PhotonMap {
         stats: &mut GatherStats,
     ) {
         let BundleScratch { near, plain, careful, lists, .. } = scratch;
-        let mut nodes = 0;
         let mut serve = |kind: usize, near: &mut Near| {
             for group in groups.iter_mut() {
                 let shift = Shift { bundle, phase, near, kind, group, plain, careful, lists, stats };
@@ -372,14 +371,7 @@ impl PhotonMap {
             }
             near.len = 0;
         };
-        self.isa.run(Collect {
-            map: self,
-            cone,
-            max_events: bundle.max_events,
-            near,
-            nodes: &mut nodes,
-            serve: &mut serve,
-        });
+        let nodes = self.isa.run(Collect { map: self, cone, max_events: bundle.max_events, near, serve: &mut serve });
         for (kind, near) in near.iter_mut().enumerate() {
             if let Some(near) = near.as_mut().filter(|near| near.len > 0) {
                 serve(kind, near);
@@ -894,13 +886,19 @@ impl<L: Lanes> ConeLanes<L> {
 /// How many blocks ahead to fetch.
 const AHEAD: usize = 6;
 
+impl<L: Lanes> Meets<L> for ConeLanes<L> {
+    #[inline(always)]
+    fn children(&self, node: &Node) -> u16 {
+        self.meets(&load3(&node.center), L::load(&node.radius))
+    }
+}
+
 /// The walk that collects the photons near a bundle.
 struct Collect<'a, F> {
     map: &'a PhotonMap,
     cone: &'a Cone,
     max_events: u8,
     near: &'a mut [Option<Near>; 2 * (WALLS + 1)],
-    nodes: &'a mut u64,
     serve: &'a mut F,
 }
 
@@ -910,46 +908,23 @@ fn kind(events: bool, walls: usize) -> usize {
 }
 
 impl<F: FnMut(usize, &mut Near)> Task for Collect<'_, F> {
-    type Output = ();
+    /// Nodes visited.
+    type Output = u64;
 
     #[inline(always)]
-    fn run<L: Lanes>(self) {
-        let Collect { map, cone, max_events, near, nodes, serve } = self;
+    fn run<L: Lanes>(self) -> u64 {
+        let Collect { map, cone, max_events, near, serve } = self;
         let cone = cone.lanes::<L>();
 
-        let mut stack = [0u32; STACK + LANES];
-        let mut list = [0u32; LIST];
-        let mut waiting = 1;
-        while waiting > 0 {
-            // Walk until the list is full.
-            let mut listed = 0;
-            while waiting > 0 && listed < LISTED {
-                waiting -= 1;
-                let node = &map.nodes[stack[waiting] as usize];
-                *nodes += 1;
-                let center = load3(&node.center);
-                let hit = cone.meets(&center, L::load(&node.radius));
-                let leaves = node.leaves();
-                let (near, inner) = (hit & leaves, hit & !leaves);
-                if near != 0
-                    && let Some(out) = list[listed..].first_chunk_mut()
-                {
-                    L::compress_indices(&node.children, near, out);
-                    listed += near.count_ones() as usize;
-                }
-                if inner != 0
-                    && let Some(out) = stack[waiting..].first_chunk_mut()
-                {
-                    L::compress_indices(&node.children, inner, out);
-                    waiting += inner.count_ones() as usize;
-                }
-            }
-            for index in &list[..listed.min(AHEAD)] {
-                map.blocks.prefetch((index & !LEAF) as usize);
+        let mut descent = Descent::new();
+        while descent.goes_on() {
+            let listed = descent.list::<L>(map, &cone);
+            for i in 0..listed.min(AHEAD) {
+                map.blocks.prefetch(descent.block(i));
             }
             for i in 0..listed {
-                map.blocks.prefetch((list[(i + AHEAD).min(listed - 1)] & !LEAF) as usize);
-                let index = (list[i] & !LEAF) as usize;
+                map.blocks.prefetch(descent.block((i + AHEAD).min(listed - 1)));
+                let index = descent.block(i);
                 let block = map.blocks.get(index);
                 let x = load3(block.position);
                 let inverse_square = L::load(block.inverse_square);
@@ -996,6 +971,7 @@ impl<F: FnMut(usize, &mut Near)> Task for Collect<'_, F> {
                 }
             }
         }
+        descent.nodes
     }
 }
 
