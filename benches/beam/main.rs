@@ -18,8 +18,8 @@ use glam::{DAffine3, DVec3, Vec3};
 use std::sync::Arc;
 use std::time::Instant;
 use volpm::gather::{
-    BeamQuery, Bundle, BundleScratch, DepthTable, Fan, GatherStats, Lattices, Lobe, PhaseLanes, SampledDepths, Samples,
-    StreamScratch,
+    BeamQuery, Bundle, BundleScratch, DepthTable, Fan, GatherStats, Gathered, Lattices, Lobe, PhaseLanes,
+    SampledDepths, Samples, StreamScratch,
 };
 use volpm::math::random::{Purpose, Stream};
 use volpm::math::{Frame, Ray};
@@ -93,11 +93,36 @@ fn measure(name: &str, map: &PhotonMap, rays: &[Ray], template: &BeamQuery) {
     );
 }
 
+/// By how much pixels, each of four rays, are off relative to single queries.
+#[derive(Default)]
+struct Off(Vec<f32>);
+
+impl Off {
+    fn add<R>(&mut self, rays: &[R], found: &[Gathered], mut alone: impl FnMut(&R) -> Gathered) {
+        for (rays, found) in rays.chunks(4).zip(found.chunks(4)) {
+            let exact: Vec3 = rays.iter().map(|ray| Vec3::from(alone(ray).total)).sum();
+            let found: Vec3 = found.iter().map(|gathered| Vec3::from(gathered.total)).sum();
+            if exact.max_element() > 0.0 {
+                self.0.push((exact - found).abs().max_element() / exact.max_element());
+            }
+        }
+    }
+}
+
+impl std::fmt::Display for Off {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let mut sorted = self.0.clone();
+        sorted.sort_by(f32::total_cmp);
+        let at = |share: f64| sorted.get((share * (sorted.len().max(1) - 1) as f64) as usize).copied().unwrap_or(0.0);
+        write!(f, "pixels off by {:.1e} in the median, {:.1e} in 99 %, {:.1e} at most", at(0.5), at(0.99), at(1.0))
+    }
+}
+
 /// Bundles of 256 rays, as of 8 × 8 pixels, against single queries.
 fn measure_bundles(name: &str, map: &PhotonMap, rays: &[Ray], template: &BeamQuery) {
     let reaches: Vec<(Ray, f64, f64)> = rays.iter().map(|ray| (*ray, 0.0, f64::from(template.length))).collect();
     let mut scratch = BundleScratch::default();
-    let (mut best, mut off, mut hits) = (f64::INFINITY, Vec::new(), 0);
+    let (mut best, mut off, mut hits) = (f64::INFINITY, Off::default(), 0);
     let mut out = Vec::new();
     let mut stats = GatherStats::default();
     for round in 0..5 {
@@ -117,33 +142,20 @@ fn measure_bundles(name: &str, map: &PhotonMap, rays: &[Ray], template: &BeamQue
             map.gather_bundle(&bundle, &mut scratch, &mut stats, &mut out);
             total += seconds() - start;
             if round == 0 {
-                // By pixel, of four rays.
-                for (rays, gathered) in rays.chunks(4).zip(out.chunks(4)) {
-                    let (mut single, mut bundled) = (Vec3::ZERO, Vec3::ZERO);
-                    for ((ray, ..), gathered) in rays.iter().zip(gathered) {
-                        let query = BeamQuery { origin: ray.origin, direction: ray.direction, ..*template };
-                        single += Vec3::from(map.gather(&query, &mut exact).total);
-                        bundled += Vec3::from(gathered.total);
-                    }
-                    if single.max_element() > 0.0 {
-                        off.push((single - bundled).abs().max_element() / single.max_element());
-                    }
-                }
+                off.add(rays, &out, |(ray, ..)| {
+                    let query = BeamQuery { origin: ray.origin, direction: ray.direction, ..*template };
+                    map.gather(&query, &mut exact)
+                });
                 hits = exact.photons;
             }
         }
         best = best.min(total);
     }
-    off.sort_by(f32::total_cmp);
-    let at = |share: f64| off.get((share * off.len().saturating_sub(1) as f64) as usize).copied().unwrap_or(0.0);
     println!(
-        "  {name:34} {:7.3} ns/photon {:9.0} ns/ray   in bundles; {:.2} tested a hit; pixels off by {:.1e} in the median, {:.1e} in 99 %, {:.1e} at most",
+        "  {name:34} {:7.3} ns/photon {:9.0} ns/ray   in bundles; {:.2} tested a hit; {off}",
         best * 1e9 / hits.max(1) as f64,
         best * 1e9 / rays.len() as f64,
         16.0 * stats.blocks as f64 / hits.max(1) as f64,
-        at(0.5),
-        at(0.99),
-        at(1.0),
     );
 }
 
@@ -171,8 +183,8 @@ fn measure_grid(map: &PhotonMap, rays: &[Ray], template: &BeamQuery) {
     let density = Density::Grid(Grid::new(Arc::new(bricks), DAffine3::from_scale(DVec3::splat(width))));
     let mut scratch = BundleScratch::default();
     let (mut out, mut stats) = (Vec::new(), GatherStats::default());
-    let (mut best, mut best_with) = (f64::INFINITY, f64::INFINITY);
-    for _ in 0..5 {
+    let (mut best, mut best_with, mut off) = (f64::INFINITY, f64::INFINITY, Off::default());
+    for round in 0..5 {
         stats = GatherStats::default();
         let (mut sampling, mut gathering) = (0.0, 0.0);
         for rays in rays.chunks(256) {
@@ -202,12 +214,29 @@ fn measure_grid(map: &PhotonMap, rays: &[Ray], template: &BeamQuery) {
             map.gather_bundle(&bundle, &mut scratch, &mut stats, &mut out);
             gathering += seconds() - middle;
             sampling += middle - start;
+            if round == 0 {
+                let mut table = DepthTable::new();
+                off.add(&reaches, &out, |(ray, a, b)| {
+                    let fine = 0.125 * width;
+                    let (mut t, mut depth) = (*a, 0.0);
+                    table.clear();
+                    while t < *b {
+                        table.push(t, depth, density.at(ray.at(t)));
+                        depth += density.depth(ray, t, t + fine);
+                        t += fine;
+                    }
+                    table.finish();
+                    let query =
+                        BeamQuery { origin: ray.origin, direction: ray.direction, depth: Some(&table), ..*template };
+                    map.gather(&query, &mut GatherStats::default())
+                });
+            }
         }
         best = best.min(gathering);
         best_with = best_with.min(gathering + sampling);
     }
     println!(
-        "  {:34} {:7.3} ns/photon {:9.0} ns/ray   in bundles; {:.3} ns/photon with its depths",
+        "  {:34} {:7.3} ns/photon {:9.0} ns/ray   in bundles; {:.3} ns/photon with its depths; {off}",
         "camera, grid",
         best * 1e9 / stats.photons.max(1) as f64,
         best * 1e9 / rays.len() as f64,

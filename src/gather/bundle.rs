@@ -71,7 +71,7 @@ impl Bundle<'_> {
 }
 
 /// Rays in a group, in up to four vectors.
-const GROUP: usize = VECTORS * LANES;
+pub(super) const GROUP: usize = VECTORS * LANES;
 const VECTORS: usize = 4;
 
 /// Rays of a group may deviate from its axis by this slope: errors are of the order of its square.
@@ -737,9 +737,11 @@ impl Group {
             }
         }
         self.table = bundle.depths.map(|(depths, step, samples)| {
+            let mut table = self.table.take().unwrap_or_default();
             let sampled =
                 (0..count).map(|index| Sampled { samples: samples[first + index], origin: lines.origin[index] });
-            TransmittanceTable::new(depths, step, sampled, zero, exponents(bundle.extinction), map.isa)
+            table.set(depths, step, sampled, zero, exponents(bundle.extinction), map.isa);
+            table
         });
         Some(())
     }
@@ -1145,10 +1147,10 @@ impl Chunk {
         }
     }
 
-    /// Where a photon lies among the knots of a table.
+    /// Where a photon lies among the knots of a table, if there is one.
     #[inline(always)]
-    fn place(&self, index: usize) -> f32 {
-        self.fields[PLACE].0[index % CHUNK]
+    fn place<const TABLE: usize>(&self, index: usize) -> f32 {
+        if TABLE == 0 { 0.0 } else { self.fields[PLACE].0[index % CHUNK] }
     }
 }
 
@@ -1207,11 +1209,26 @@ fn accumulate<L: Lanes>(sums: &mut [L; 3], weight: L, photon: &Spread<L>) {
     }
 }
 
-/// The same of light that is attenuated on its way.
+/// The same of light that is attenuated on its way, as the group's table says that has so many channels; 0 for none.
 #[inline(always)]
-fn accumulate_passed<L: Lanes>(sums: &mut [L; 3], weight: L, passed: &[L; 3], photon: &Spread<L>) {
-    for channel in 0..3 {
-        sums[channel] = weight.mul(passed[channel]).mul_add(photon.power[channel], sums[channel]);
+fn accumulate_passed<L: Lanes, const TABLE: usize>(
+    sums: &mut [L; 3],
+    weight: L,
+    (group, vector, place): (&Group, usize, f32),
+    photon: &Spread<L>,
+) {
+    match &group.table {
+        Some(table) if TABLE == 1 => {
+            let [passed] = table.at::<L, 1>(vector, place);
+            accumulate(sums, weight.mul(passed), photon);
+        }
+        Some(table) if TABLE == 3 => {
+            let passed = table.at::<L, 3>(vector, place);
+            for channel in 0..3 {
+                sums[channel] = weight.mul(passed[channel]).mul_add(photon.power[channel], sums[channel]);
+            }
+        }
+        _ => accumulate(sums, weight, photon),
     }
 }
 
@@ -1262,16 +1279,19 @@ fn evaluate<L: Lanes, P: Evaluate>(
     let counts = list::<L>(chunk, group, lists);
     let listed: usize = counts.iter().sum();
     let dense = group.vectors() == VECTORS && listed as f32 >= SPARSE * (VECTORS * chunk.len) as f32;
-    let (tested, met) = match (dense, group.pinhole, group.wide) {
-        (true, _, _) if group.table.is_some() => evaluate_dense::<L, P, false, true>(chunk, group, part),
-        (true, true, _) => evaluate_dense::<L, P, true, false>(chunk, group, part),
-        (true, false, _) => evaluate_dense::<L, P, false, false>(chunk, group, part),
-        (false, _, _) if group.table.is_some() => {
-            evaluate_listed::<L, P, false, true, true>(chunk, group, part, lists, &counts)
-        }
-        (false, true, false) => evaluate_listed::<L, P, true, false, false>(chunk, group, part, lists, &counts),
-        (false, true, true) => evaluate_listed::<L, P, true, true, false>(chunk, group, part, lists, &counts),
-        (false, false, _) => evaluate_listed::<L, P, false, true, false>(chunk, group, part, lists, &counts),
+    let channels = group.table.as_ref().map_or(0, |table| table.channels);
+    let (tested, met) = match (dense, group.pinhole, channels) {
+        (true, true, 0) => evaluate_dense::<L, P, true, 0>(chunk, group, part),
+        (true, true, 1) => evaluate_dense::<L, P, true, 1>(chunk, group, part),
+        (true, false, 0) => evaluate_dense::<L, P, false, 0>(chunk, group, part),
+        (true, false, 1) => evaluate_dense::<L, P, false, 1>(chunk, group, part),
+        (true, _, _) => evaluate_dense::<L, P, false, 3>(chunk, group, part),
+        (false, true, 0) if !group.wide => evaluate_listed::<L, P, true, false, 0>(chunk, group, part, lists, &counts),
+        (false, true, 0) => evaluate_listed::<L, P, true, true, 0>(chunk, group, part, lists, &counts),
+        (false, true, 1) => evaluate_listed::<L, P, true, true, 1>(chunk, group, part, lists, &counts),
+        (false, false, 0) => evaluate_listed::<L, P, false, true, 0>(chunk, group, part, lists, &counts),
+        (false, false, 1) => evaluate_listed::<L, P, false, true, 1>(chunk, group, part, lists, &counts),
+        (false, _, _) => evaluate_listed::<L, P, false, true, 3>(chunk, group, part, lists, &counts),
     };
     stats.blocks += tested;
     stats.photons += met;
@@ -1279,40 +1299,35 @@ fn evaluate<L: Lanes, P: Evaluate>(
 }
 
 #[inline(always)]
-fn evaluate_dense<L: Lanes, P: Evaluate, const PINHOLE: bool, const TABLE: bool>(
+fn evaluate_dense<L: Lanes, P: Evaluate, const PINHOLE: bool, const TABLE: usize>(
     chunk: &Chunk,
     group: &mut Group,
     part: usize,
 ) -> (u64, u64) {
     let mut met = 0;
     // Two vectors at a time: their sums and all that is needed for them fit into 32 registers.
-    for (pair, (rays, rows)) in group.rays.chunks_exact(2).zip(group.sums[part].chunks_exact_mut(2)).enumerate() {
-        let rays = [rays[0].load::<L>(), rays[1].load::<L>()];
+    for pair in (0..VECTORS).step_by(2) {
+        let rays = [group.rays[pair].load::<L>(), group.rays[pair + 1].load::<L>()];
         let mut sums = [[L::splat(0.0); 3]; 2];
         for index in 0..chunk.len {
             let photon = chunk.spread::<L>(index);
             for vector in 0..2 {
                 let q = rays[vector].inside(&rays[vector].aside::<PINHOLE>(&photon), &photon);
                 let weight = rays[vector].weight::<P>(q, &photon);
-                match &group.table {
-                    Some(table) if TABLE => {
-                        let passed = table.at::<L>(2 * pair + vector, chunk.place(index));
-                        accumulate_passed(&mut sums[vector], weight, &passed, &photon);
-                    }
-                    _ => accumulate(&mut sums[vector], weight, &photon),
-                }
+                let passed = (&*group, pair + vector, chunk.place::<TABLE>(index));
+                accumulate_passed::<L, TABLE>(&mut sums[vector], weight, passed, &photon);
                 met += u64::from(L::bits(L::splat(0.0).less(q)).count_ones());
             }
         }
-        for (rows, sums) in rows.iter_mut().zip(&sums) {
-            add_to_rows(rows, sums);
+        for vector in 0..2 {
+            add_to_rows(&mut group.sums[part][pair + vector], &sums[vector]);
         }
     }
     ((VECTORS * chunk.len) as u64, met)
 }
 
 #[inline(always)]
-fn evaluate_listed<L: Lanes, P: Evaluate, const PINHOLE: bool, const CLOSELY: bool, const TABLE: bool>(
+fn evaluate_listed<L: Lanes, P: Evaluate, const PINHOLE: bool, const CLOSELY: bool, const TABLE: usize>(
     chunk: &Chunk,
     group: &mut Group,
     part: usize,
@@ -1328,13 +1343,8 @@ fn evaluate_listed<L: Lanes, P: Evaluate, const PINHOLE: bool, const CLOSELY: bo
             let aside = rays.aside::<PINHOLE>(&photon);
             let q = if CLOSELY { rays.inside_closely(&aside, &photon) } else { rays.inside(&aside, &photon) };
             let weight = rays.weight::<P>(q, &photon);
-            match &group.table {
-                Some(table) if TABLE => {
-                    let passed = table.at::<L>(vector, chunk.place(index as usize));
-                    accumulate_passed(&mut sums, weight, &passed, &photon);
-                }
-                _ => accumulate(&mut sums, weight, &photon),
-            }
+            let passed = (&*group, vector, chunk.place::<TABLE>(index as usize));
+            accumulate_passed::<L, TABLE>(&mut sums, weight, passed, &photon);
             met += u64::from(L::bits(L::splat(0.0).less(q)).count_ones());
         }
         tested += counts[vector] as u64;
@@ -1386,11 +1396,15 @@ fn evaluate_carefully<L: Lanes, P: Evaluate>(
                 mask = L::and(mask, zero.less(height));
             }
             let weight = weight.keep(mask);
-            match &group.table {
+            match group.table.as_ref().map(|table| table.channels) {
                 None => accumulate(&mut sums, weight, &photon),
-                Some(table) => {
-                    let passed = table.at::<L>(vector, chunk.place(index));
-                    accumulate_passed(&mut sums, weight, &passed, &photon);
+                Some(1) => {
+                    let passed = (&*group, vector, chunk.place::<1>(index));
+                    accumulate_passed::<L, 1>(&mut sums, weight, passed, &photon);
+                }
+                Some(_) => {
+                    let passed = (&*group, vector, chunk.place::<3>(index));
+                    accumulate_passed::<L, 3>(&mut sums, weight, passed, &photon);
                 }
             }
             met += u64::from(L::bits(mask).count_ones());

@@ -89,12 +89,20 @@ impl Lattice {
         if support.is_empty() || !support.size().is_finite() {
             return None;
         }
-        let farthest = support.corners().map(|corner| corner.distance(fan.origin)).into_iter().fold(0.0, f64::max);
+        // No ray whose slopes stay below `slope` is in the grid beyond this distance.
+        let corners = support.corners().map(|corner| corner - fan.origin);
+        let (mut deepest, mut outermost) = (0.0f64, 0.0f64);
+        for corner in corners {
+            deepest = deepest.max(corner.dot(fan.frame.z));
+            outermost = outermost.max(corner.length());
+        }
+        let reach = |slope: f64| outermost.min(deepest * (1.0 + 2.0 * slope * slope).sqrt());
         let nearest = (fan.origin.clamp(support.min, support.max) - fan.origin).length();
-        let spacing = 0.5 * grid.voxel_size() / farthest;
+        let spacing = 0.5 * grid.voxel_size() / reach(fan.slope);
         let edge = ((2.0 * fan.slope / spacing).ceil() + 1.0).max(3.0);
-        let (first, last) = ((nearest / step).floor(), (farthest / step).ceil() + 1.0);
-        if edge * edge * WORTHWHILE > fan.rays as f64 || last - first >= MOST {
+        let (first, last) = ((nearest / step).floor(), (reach(0.5 * spacing * (edge - 1.0)) / step).ceil() + 1.0);
+        let meets = deepest > 0.0 && first < last;
+        if !meets || edge * edge * WORTHWHILE > fan.rays as f64 || last - first >= MOST {
             return None;
         }
         let (edge, count) = (edge as usize, (last - first) as usize + 1);
@@ -192,9 +200,13 @@ impl Lattice {
             at(before) + part * (at(after) - at(before))
         };
         let (from, to) = ((a / self.step).floor() as i64 - self.first, (b / self.step).ceil() as i64 - self.first);
-        let (from, to) = (from.max(0) as usize, to.clamp(0, self.count as i64 - 1) as usize);
+        let [from, to] = [from, to].map(|place| place.clamp(0, self.count as i64 - 1) as usize);
         let (start, total) = (depth(a), (depth(b) - depth(a)).max(0.0));
-        let inner = (from + 1..to).map(|i| (at(i) - start).clamp(0.0, total));
+        let inner = from + 1..to.max(from + 1);
+        let [p, q, r, s] = [p, q, r, s].map(|row| row[inner.clone()].iter());
+        let inner = p.zip(q).zip(r).zip(s).map(|(((p, q), r), s)| {
+            (weights[0] * p + weights[1] * q + weights[2] * r + weights[3] * s - start).clamp(0.0, total)
+        });
         (depths.insert(self.first + from as i64, inner, total), f64::from(total))
     }
 }

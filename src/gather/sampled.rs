@@ -3,10 +3,12 @@
 
 use std::ops::ControlFlow;
 
+use super::bundle::GROUP;
 use super::depth::DepthTable;
 use crate::math::Ray;
 use crate::medium::density::{Density, Grid};
 use crate::photon::simd::{Isa, LANES, Lanes, Row, Task};
+use smallvec::SmallVec;
 
 /// The density integrated along rays from the beginnings of their stretches, at the multiples of one step of
 /// the ray's parameter.
@@ -108,14 +110,18 @@ impl SampledDepths {
                 return ControlFlow::Break(());
             }
             let (width, inside) = (cell.tb - cell.ta, cell.integral());
-            let (start, middle, end) = (f64::from(cell.rho_a), f64::from(cell.rho_mid), f64::from(cell.rho_b));
-            while next * step < cell.tb {
+            if next * step < cell.tb {
                 // The parabola through start, middle and end, integrated.
-                let x = ((next * step - cell.ta) / width).max(0.0);
-                let bent = start + end - 2.0 * middle;
-                let part = width * x * (start + x * (2.0 * middle - 1.5 * start - 0.5 * end + x * (2.0 / 3.0) * bent));
-                values.push((depth + part.clamp(0.0, inside)) as f32);
-                next += 1.0;
+                let (start, middle, end) = (f64::from(cell.rho_a), f64::from(cell.rho_mid), f64::from(cell.rho_b));
+                let slope = 2.0 * middle - 1.5 * start - 0.5 * end;
+                let bend = (2.0 / 3.0) * (start + end - 2.0 * middle);
+                let inverse = width.recip();
+                while next * step < cell.tb {
+                    let x = ((next * step - cell.ta) * inverse).max(0.0);
+                    let part = width * x * (start + x * (slope + x * bend));
+                    values.push((depth + part.clamp(0.0, inside)) as f32);
+                    next += 1.0;
+                }
             }
             depth += inside;
             ControlFlow::Continue(())
@@ -134,7 +140,8 @@ pub(super) struct Sampled {
 #[derive(Clone, Debug, Default)]
 pub(super) struct TransmittanceTable {
     rows: Vec<Row>,
-    channels: usize,
+    /// One if transmittance is the same in all three.
+    pub(super) channels: usize,
     /// Rows of a vector, over the channels.
     knots: usize,
     start: f32,
@@ -142,50 +149,32 @@ pub(super) struct TransmittanceTable {
 }
 
 impl TransmittanceTable {
-    /// For rays that begin at z = `start` or after, sampled every `step`; `exponents` are −σ log₂e. One row a knot if they are equal.
-    pub(super) fn new(
+    /// Of rays that begin at z = `start` or after, sampled every `step`; `exponents` are −σ log₂e. One row a knot if
+    /// they are equal. What it was of is forgotten, and its memory used.
+    pub(super) fn set(
+        &mut self,
         depths: &SampledDepths,
         step: f64,
-        rays: impl Iterator<Item = Sampled> + Clone,
+        rays: impl Iterator<Item = Sampled>,
         start: f64,
         exponents: [f32; 3],
         isa: Isa,
-    ) -> Self {
-        let grey = exponents[0] == exponents[1] && exponents[0] == exponents[2];
-        let channels = if grey { 1 } else { 3 };
-        // Where knot 0 falls among a ray's own samples.
-        let offset = |ray: &Sampled| (start - ray.origin) / step - ray.samples.first as f64;
+    ) {
         let mut knots = 2;
-        let mut vectors = 0;
-        for (index, ray) in rays.clone().enumerate() {
-            knots = knots.max((f64::from(ray.samples.count) - offset(&ray)).ceil() as usize + 1);
-            vectors = index / LANES + 1;
-        }
-        let mut table = TransmittanceTable {
-            rows: vec![Row([0.0; LANES]); vectors * knots * channels],
-            channels,
-            knots,
-            start: start as f32,
-            per_step: (1.0 / step) as f32,
+        let along = |ray: Sampled| {
+            // Where knot 0 falls among the ray's own samples.
+            let offset = (start - ray.origin) / step - ray.samples.first as f64;
+            knots = knots.max((f64::from(ray.samples.count) - offset).ceil() as usize + 1);
+            let values = depths.values(ray.samples);
+            Along { values, whole: offset.floor() as i64, part: (offset - offset.floor()) as f32 }
         };
-        for (index, ray) in rays.enumerate() {
-            let samples = depths.values(ray.samples);
-            let (Some(first), Some(last)) = (samples.first(), samples.last()) else { continue };
-            let offset = offset(&ray);
-            let (whole, part) = (offset.floor(), (offset - offset.floor()) as f32);
-            let vector = &mut table.rows[index / LANES * knots * channels..][..knots * channels];
-            let at = |place: i64| {
-                if place < 0 { *first } else { *samples.get(place as usize).unwrap_or(last) }
-            };
-            let mut before = at(whole as i64);
-            for (knot, rows) in vector.chunks_exact_mut(channels).enumerate() {
-                let after = at(whole as i64 + knot as i64 + 1);
-                rows[0].0[index % LANES] = before + part * (after - before);
-                before = after;
-            }
-        }
-        isa.run(Pass { table: &mut table, exponents });
-        table
+        let rays: SmallVec<[Along<'_>; GROUP]> = rays.map(along).collect();
+        let grey = exponents[0] == exponents[1] && exponents[0] == exponents[2];
+        self.channels = if grey { 1 } else { 3 };
+        self.knots = knots;
+        (self.start, self.per_step) = (start as f32, (1.0 / step) as f32);
+        self.rows.resize(rays.len().div_ceil(LANES) * knots * self.channels, Row([0.0; LANES]));
+        isa.run(Pass { table: self, rays: &rays, exponents });
     }
 
     /// Where a photon's `z` lies among the knots.
@@ -195,17 +184,17 @@ impl TransmittanceTable {
         z.sub(L::splat(self.start)).mul(L::splat(self.per_step)).max(L::splat(0.0)).min(last)
     }
 
-    /// The transmittance to a place for the rays of a vector, by channel.
+    /// The transmittance to a place for the rays of a vector, of its one channel or its three.
     #[inline(always)]
-    pub(super) fn at<L: Lanes>(&self, vector: usize, place: f32) -> [L; 3] {
+    pub(super) fn at<L: Lanes, const CHANNELS: usize>(&self, vector: usize, place: f32) -> [L; CHANNELS] {
         let knot = place as usize;
         let part = L::splat(place - knot as f32);
-        let first = (vector * self.knots + knot) * self.channels;
-        if self.channels == 1 {
-            [self.between(first, 1, part); 3]
-        } else {
-            [self.between(first, 3, part), self.between(first + 1, 3, part), self.between(first + 2, 3, part)]
+        let first = (vector * self.knots + knot) * CHANNELS;
+        let mut passed = [part; CHANNELS];
+        for channel in 0..CHANNELS {
+            passed[channel] = self.between(first + channel, CHANNELS, part);
         }
+        passed
     }
 
     #[inline(always)]
@@ -215,9 +204,39 @@ impl TransmittanceTable {
     }
 }
 
-/// Turns depths into transmittance.
+/// The depths of a ray, and where among them knot 0 of a table falls: so many samples and a part of one later.
+struct Along<'a> {
+    values: &'a [f32],
+    whole: i64,
+    part: f32,
+}
+
+impl Along<'_> {
+    /// The depths at as many knots as there are lanes, from this one on.
+    #[inline(always)]
+    fn at<L: Lanes>(&self, knot: usize) -> L {
+        let first = self.whole + knot as i64;
+        let [before, after] = match usize::try_from(first).ok().and_then(|first| self.values.get(first..)) {
+            Some(values) if values.len() > LANES => [L::load_front(values), L::load_front(&values[1..])],
+            _ => {
+                let mut rows = [Row([0.0; LANES]); 2];
+                for (later, row) in rows.iter_mut().enumerate() {
+                    for (lane, value) in row.0.iter_mut().enumerate() {
+                        let place = (first + (later + lane) as i64).clamp(0, self.values.len() as i64 - 1);
+                        *value = self.values[place as usize];
+                    }
+                }
+                [L::load(&rows[0]), L::load(&rows[1])]
+            }
+        };
+        after.sub(before).mul_add(L::splat(self.part), before)
+    }
+}
+
+/// Fills a table, some knots of a vector of rays at a time.
 struct Pass<'a> {
     table: &'a mut TransmittanceTable,
+    rays: &'a [Along<'a>],
     exponents: [f32; 3],
 }
 
@@ -226,11 +245,24 @@ impl Task for Pass<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        let Pass { table, exponents } = self;
-        for rows in table.rows.chunks_exact_mut(table.channels) {
-            let depth = L::load(&rows[0]);
-            for (row, exponent) in rows.iter_mut().zip(exponents) {
-                depth.mul(L::splat(exponent)).exp2().store(row);
+        let Pass { table, rays, exponents } = self;
+        let TransmittanceTable { rows, channels, knots, .. } = table;
+        for (rays, rows) in rays.chunks(LANES).zip(rows.chunks_exact_mut(*knots * *channels)) {
+            let mut by_ray = [Row([0.0; LANES]); LANES];
+            for (first, rows) in (0..).step_by(LANES).zip(rows.chunks_mut(LANES * *channels)) {
+                for (ray, depths) in rays.iter().zip(&mut by_ray) {
+                    ray.at::<L>(first).store(depths);
+                }
+                for (knot, rows) in rows.chunks_exact_mut(*channels).enumerate() {
+                    let mut depths = Row([0.0; LANES]);
+                    for lane in 0..LANES {
+                        depths.0[lane] = by_ray[lane].0[knot];
+                    }
+                    let depths = L::load(&depths);
+                    for (row, exponent) in rows.iter_mut().zip(exponents) {
+                        depths.mul(L::splat(exponent)).exp2().store(row);
+                    }
+                }
             }
         }
     }
