@@ -114,7 +114,9 @@ impl std::fmt::Display for Off {
         let mut sorted = self.0.clone();
         sorted.sort_by(f32::total_cmp);
         let at = |share: f64| sorted.get((share * (sorted.len().max(1) - 1) as f64) as usize).copied().unwrap_or(0.0);
-        write!(f, "pixels off by {:.1e} in the median, {:.1e} in 99 %, {:.1e} at most", at(0.5), at(0.99), at(1.0))
+        let far = sorted.iter().filter(|off| **off > 1e-3).count();
+        write!(f, "pixels off by {:.1e} in the median, {:.1e} in 99 %, {:.1e} at most", at(0.5), at(0.99), at(1.0))?;
+        write!(f, "; {far} of {} by more than 1e-3", sorted.len())
     }
 }
 

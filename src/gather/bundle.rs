@@ -6,8 +6,8 @@
 //! group's axis. What a photon at (a, b, z) contributes is a constant of the group times (1 + d)^{−3/2},
 //! where d, linear in sₓ, s_y and −s²/2, carries the phase function's and the transmittance's dependence
 //! on the ray: exact in the logarithm's first order, and for Henyey and Greenstein's function in all.
-//! The distance from the ray is the offset at the photon's own z, wrong by the order of s²; that order is added where
-//! few photons are met.
+//! The distance from the ray is the offset at the photon's own z, wrong by the order of s²; that order is added but
+//! where rays hardly deviate and many photons are met, so that the rims of single discs are not seen.
 
 #![allow(
     clippy::needless_range_loop,
@@ -77,7 +77,7 @@ const VECTORS: usize = 4;
 /// Rays of a group may deviate from its axis by this slope: errors are of the order of its square.
 const MAX_SLOPE: f64 = 0.02;
 
-/// Where rays deviate by less, not even rims of single discs are off by a thousandth of a pixel.
+/// Where rays deviate by less and many photons are met, rims of discs are not off by a thousandth of a pixel.
 const WIDE_SLOPE: f64 = 0.0115;
 
 /// The variable d of a group may reach this, where its series is right to 10⁻⁴.
@@ -216,7 +216,7 @@ struct Group {
     /// Sums, by vector and channel: of photons without events, and of the others.
     sums: [[[Row; 3]; VECTORS]; 2],
     pinhole: bool,
-    /// Whether s² matters where few photons are met.
+    /// Whether s² matters where many photons are met.
     wide: bool,
     /// Transmittance, where it is no exponential of z.
     table: Option<TransmittanceTable>,
@@ -1182,8 +1182,7 @@ impl<L: Lanes> Rays<L> {
         square.neg_mul_add(photon.inverse_square, L::splat(1.0)).max(L::splat(0.0))
     }
 
-    /// [`Rays::inside`] with what it leaves out: of the offset, what lies along the ray. Where few photons are met,
-    /// the rims of single discs are seen.
+    /// [`Rays::inside`] with what it leaves out: of the offset, what lies along the ray.
     #[inline(always)]
     fn inside_closely(&self, aside: &[L; 2], photon: &Spread<L>) -> L {
         let along = aside[0].mul_add(self.slope[0], aside[1].mul(self.slope[1]));
@@ -1281,17 +1280,18 @@ fn evaluate<L: Lanes, P: Evaluate>(
     let dense = group.vectors() == VECTORS && listed as f32 >= SPARSE * (VECTORS * chunk.len) as f32;
     let channels = group.table.as_ref().map_or(0, |table| table.channels);
     let (tested, met) = match (dense, group.pinhole, channels) {
-        (true, true, 0) => evaluate_dense::<L, P, true, 0>(chunk, group, part),
-        (true, true, 1) => evaluate_dense::<L, P, true, 1>(chunk, group, part),
-        (true, false, 0) => evaluate_dense::<L, P, false, 0>(chunk, group, part),
-        (true, false, 1) => evaluate_dense::<L, P, false, 1>(chunk, group, part),
-        (true, _, _) => evaluate_dense::<L, P, false, 3>(chunk, group, part),
-        (false, true, 0) if !group.wide => evaluate_listed::<L, P, true, false, 0>(chunk, group, part, lists, &counts),
-        (false, true, 0) => evaluate_listed::<L, P, true, true, 0>(chunk, group, part, lists, &counts),
-        (false, true, 1) => evaluate_listed::<L, P, true, true, 1>(chunk, group, part, lists, &counts),
-        (false, false, 0) => evaluate_listed::<L, P, false, true, 0>(chunk, group, part, lists, &counts),
-        (false, false, 1) => evaluate_listed::<L, P, false, true, 1>(chunk, group, part, lists, &counts),
-        (false, _, _) => evaluate_listed::<L, P, false, true, 3>(chunk, group, part, lists, &counts),
+        (true, true, 0) if !group.wide => evaluate_dense::<L, P, true, false, 0>(chunk, group, part),
+        (true, true, 1) if !group.wide => evaluate_dense::<L, P, true, false, 1>(chunk, group, part),
+        (true, true, 0) => evaluate_dense::<L, P, true, true, 0>(chunk, group, part),
+        (true, true, 1) => evaluate_dense::<L, P, true, true, 1>(chunk, group, part),
+        (true, false, 0) => evaluate_dense::<L, P, false, true, 0>(chunk, group, part),
+        (true, false, 1) => evaluate_dense::<L, P, false, true, 1>(chunk, group, part),
+        (true, _, _) => evaluate_dense::<L, P, false, true, 3>(chunk, group, part),
+        (false, true, 0) => evaluate_listed::<L, P, true, 0>(chunk, group, part, lists, &counts),
+        (false, true, 1) => evaluate_listed::<L, P, true, 1>(chunk, group, part, lists, &counts),
+        (false, false, 0) => evaluate_listed::<L, P, false, 0>(chunk, group, part, lists, &counts),
+        (false, false, 1) => evaluate_listed::<L, P, false, 1>(chunk, group, part, lists, &counts),
+        (false, _, _) => evaluate_listed::<L, P, false, 3>(chunk, group, part, lists, &counts),
     };
     stats.blocks += tested;
     stats.photons += met;
@@ -1299,7 +1299,7 @@ fn evaluate<L: Lanes, P: Evaluate>(
 }
 
 #[inline(always)]
-fn evaluate_dense<L: Lanes, P: Evaluate, const PINHOLE: bool, const TABLE: usize>(
+fn evaluate_dense<L: Lanes, P: Evaluate, const PINHOLE: bool, const CLOSELY: bool, const TABLE: usize>(
     chunk: &Chunk,
     group: &mut Group,
     part: usize,
@@ -1312,7 +1312,12 @@ fn evaluate_dense<L: Lanes, P: Evaluate, const PINHOLE: bool, const TABLE: usize
         for index in 0..chunk.len {
             let photon = chunk.spread::<L>(index);
             for vector in 0..2 {
-                let q = rays[vector].inside(&rays[vector].aside::<PINHOLE>(&photon), &photon);
+                let aside = rays[vector].aside::<PINHOLE>(&photon);
+                let q = if CLOSELY {
+                    rays[vector].inside_closely(&aside, &photon)
+                } else {
+                    rays[vector].inside(&aside, &photon)
+                };
                 let weight = rays[vector].weight::<P>(q, &photon);
                 let passed = (&*group, pair + vector, chunk.place::<TABLE>(index));
                 accumulate_passed::<L, TABLE>(&mut sums[vector], weight, passed, &photon);
@@ -1327,7 +1332,7 @@ fn evaluate_dense<L: Lanes, P: Evaluate, const PINHOLE: bool, const TABLE: usize
 }
 
 #[inline(always)]
-fn evaluate_listed<L: Lanes, P: Evaluate, const PINHOLE: bool, const CLOSELY: bool, const TABLE: usize>(
+fn evaluate_listed<L: Lanes, P: Evaluate, const PINHOLE: bool, const TABLE: usize>(
     chunk: &Chunk,
     group: &mut Group,
     part: usize,
@@ -1341,7 +1346,7 @@ fn evaluate_listed<L: Lanes, P: Evaluate, const PINHOLE: bool, const CLOSELY: bo
         for &index in &lists[vector][..counts[vector]] {
             let photon = chunk.spread::<L>(index as usize);
             let aside = rays.aside::<PINHOLE>(&photon);
-            let q = if CLOSELY { rays.inside_closely(&aside, &photon) } else { rays.inside(&aside, &photon) };
+            let q = rays.inside_closely(&aside, &photon);
             let weight = rays.weight::<P>(q, &photon);
             let passed = (&*group, vector, chunk.place::<TABLE>(index as usize));
             accumulate_passed::<L, TABLE>(&mut sums, weight, passed, &photon);
