@@ -161,7 +161,7 @@ neighbours = 50
 pilot = 8
 max_radius = 0.5
 single_scattering = "approximate"
-march = { step = "adaptive", size = 0.25, contrast = 0.2 }
+march = { step = "adaptive", size = 0.25, contrast = 0.3 }
 "#;
 
 const CAMERA: &str = "[camera]\nposition = [0, 0, 4]\ntarget = [0, 0, 0]\n";
@@ -295,7 +295,7 @@ fn every_key_is_read_as_the_manual_says() {
         pilot: Some(8),
         max_radius: Some(0.5),
         single_scattering: SingleScattering::Approximate,
-        march: Some(March { step: Step::Adaptive, size: Some(0.25), contrast: 0.2 }),
+        march: Some(March { step: Step::Adaptive, size: Some(0.25), contrast: 0.3 }),
     };
     assert_eq!(scene.volume, volume);
 }
