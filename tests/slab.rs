@@ -529,10 +529,10 @@ fn every_slab_by_path_tracing() {
     for (slab, what, side, exact) in sides() {
         let value = Estimate::exact([exact; 3]);
         if exact > 1e-3 {
-            let found = slab.by_path(side, 1000, Effort::patient(16), |_| 0.005 * exact);
+            let found = slab.by_path(side, 1000, Effort::patient(&what, 16), |_| 0.005 * exact);
             checks.agree(&what, &found, &value, 0.005, 0.0);
         } else {
-            let found = slab.by_path(side, 1000, Effort::patient(200), |_| STRICT.1 * 1e-4);
+            let found = slab.by_path(side, 1000, Effort::patient(&what, 200), |_| STRICT.1 * 1e-4);
             checks.close(&what, &found, &value, 0.0, STRICT);
         }
     }
@@ -545,7 +545,7 @@ fn every_slab_by_counting_photons() {
     let mut checks = Checks::default();
     for (slab, exact) in grid().into_iter().filter(|(slab, _)| chosen(&slab.to_string())) {
         let precise = exact.map(|exact| move |_| STRICT.1 * allowed(exact, 0.01));
-        let found = slab.by_counting(Effort::patient(2000), precise);
+        let found = slab.by_counting(Effort::patient(&slab.to_string(), 2000), precise);
         for side in [0, 1].into_iter().filter(|&side| exact[side] > 1e-9) {
             let what = format!("{slab}: {}", SIDES[side]);
             checks.close(&what, &found[side], &Estimate::exact([exact[side]; 3]), 0.01, STRICT);
@@ -559,7 +559,7 @@ fn every_slab_by_counting_photons() {
 fn every_slab_by_gathering() {
     let mut checks = Checks::default();
     for (slab, what, side, exact) in sides() {
-        let found = slab.by_gathering(side, Effort::patient(16), |_| STRICT.1 * allowed(exact, 0.02));
+        let found = slab.by_gathering(side, Effort::patient(&what, 16), |_| STRICT.1 * allowed(exact, 0.02));
         checks.close(&what, &found, &Estimate::exact([exact; 3]), 0.02, STRICT);
     }
     checks.finish();

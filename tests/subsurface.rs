@@ -72,10 +72,6 @@ struct Ball {
 }
 
 impl Ball {
-    fn name(&self) -> String {
-        format!("σ_t R = {}, n = {}, g = {}", self.thickness, self.index, self.g)
-    }
-
     /// By path tracing and by photons: the whole, and the outermost 5 % of the silhouette's radius, until standard
     /// errors are at most `precise` shares of them.
     fn zones(&self, precise: [f64; 2]) -> [[Estimate; 2]; 2] {
@@ -113,8 +109,9 @@ fn balls_lit_from_the_front() {
         let (path, photon) = ((Effort::once(16), samples), (Effort::once(seeds), photons));
         let ball = Ball { thickness, index, g, path, photon };
         let [path, found] = ball.zones([0.0; 2]);
+        let what = format!("σ_t R = {thickness}, n = {index}, g = {g}");
         for (zone, (name, precision, bias)) in [("ball", 0.01, 0.01), ("ring", 0.025, 0.02)].into_iter().enumerate() {
-            checks.agree(&format!("{}, {name}", ball.name()), &found[zone], &path[zone], precision, bias);
+            checks.agree(&format!("{what}, {name}"), &found[zone], &path[zone], precision, bias);
         }
     }
     checks.finish();
@@ -128,16 +125,16 @@ fn every_ball_lit_from_the_front() {
         [(1.0, 200, 200_000), (10.0, 50, 200_000), (100.0, 16, 100_000), (1000.0, 16, 300_000)]
     {
         for (index, g) in [1.0, 1.3, 1.5].into_iter().flat_map(|index| [(index, 0.0), (index, 0.8)]) {
-            let (path, photon) = ((Effort::patient(8), samples), (Effort::patient(8), photons));
-            let ball = Ball { thickness, index, g, path, photon };
-            if !chosen(&ball.name()) {
+            let what = format!("σ_t R = {thickness}, n = {index}, g = {g}");
+            if !chosen(&what) {
                 continue;
             }
+            let effort = Effort::patient(&what, 8);
+            let ball = Ball { thickness, index, g, path: (effort, samples), photon: (effort, photons) };
             // Both errors together a third of 2 %.
             let [path, found] = ball.zones([0.0047; 2]);
             for (zone, name) in ["ball", "ring"].into_iter().enumerate() {
-                let what = format!("{}, {name}", ball.name());
-                checks.close(&what, &found[zone], &path[zone], 0.02, (0.0, 1.0 / 3.0));
+                checks.close(&format!("{what}, {name}"), &found[zone], &path[zone], 0.02, (0.0, 1.0 / 3.0));
             }
         }
     }
@@ -184,7 +181,7 @@ fn every_backlit_slab() {
         for (index, g) in [1.0, 1.3, 1.5].into_iter().flat_map(|index| [(index, 0.0), (index, 0.8)]) {
             let what = format!("τ = {tau}, n = {index}, g = {g}");
             if chosen(&what) {
-                let [path, found] = backlit(tau, index, g, Effort::patient(8), 0.0047);
+                let [path, found] = backlit(tau, index, g, Effort::patient(&what, 8), 0.0047);
                 checks.close(&what, &found, &path, 0.02, (0.0, 1.0 / 3.0));
             }
         }

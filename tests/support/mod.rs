@@ -62,13 +62,17 @@ impl Effort {
         Effort { from: 1, first: count, longest: Duration::ZERO }
     }
 
-    /// As many as are needed, for tests run by hand: for at most `VOLPM_SECONDS` (120), numbered from `VOLPM_SEED` (1).
-    pub fn patient(first: u32) -> Self {
+    /// As many as the case of this name needs, for tests run by hand: for at most `VOLPM_SECONDS` (120), with seeds of its
+    /// own, others for each `VOLPM_SEED` (1).
+    pub fn patient(what: &str, first: u32) -> Self {
         let number = |name: &str, default: u32| {
             std::env::var(name).map_or(default, |text| text.parse().unwrap_or_else(|_| panic!("{name}={text}")))
         };
         let longest = Duration::from_secs(number("VOLPM_SECONDS", 120).into());
-        Effort { from: number("VOLPM_SEED", 1), first, longest }
+        // FNV-1a: cases that shared random numbers would err together.
+        let hash = |hash: u32, byte: u8| (hash ^ u32::from(byte)).wrapping_mul(16_777_619);
+        let from = what.bytes().fold(number("VOLPM_SEED", 1).wrapping_mul(2_166_136_261), hash) >> 1;
+        Effort { from, first, longest }
     }
 
     /// The samples, by their numbers.
