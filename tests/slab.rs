@@ -13,7 +13,7 @@ use volpm::math::{DVec3, Ray, Rgb, Stream};
 use volpm::scene::{Inside, Scene};
 use volpm::transport::{Crossing, Segment, Side, Stop, Tally, Visitor, Walk, fly, survive};
 
-use crate::support::{Checks, Effort, Estimate, allowed, chosen, data, scene};
+use crate::support::{Checks, Effort, Estimate, STRICT, allowed, chosen, data, scene};
 
 /// A slab in vacuum.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -519,11 +519,8 @@ fn sides() -> impl Iterator<Item = (Slab, String, usize, f64)> {
     grid().into_iter().flat_map(sides).filter(|(_, what, _, exact)| *exact > 1e-9 && chosen(what))
 }
 
-/// The difference is within what is allowed, and the standard error a third of that.
-const STRICT: (f64, f64) = (0.0, 1.0 / 3.0);
-
 #[test]
-#[ignore = "half an hour: cargo test --release --test promises every_slab_by_path -- --ignored --nocapture"]
+#[ignore = "an hour of one core: cargo test --release --test promises every_slab_by_path -- --ignored --nocapture"]
 fn every_slab_by_path_tracing() {
     let mut checks = Checks::default();
     for (slab, what, side, exact) in sides() {
@@ -540,7 +537,7 @@ fn every_slab_by_path_tracing() {
 }
 
 #[test]
-#[ignore = "half an hour: cargo test --release --test promises every_slab_by_counting -- --ignored --nocapture"]
+#[ignore = "an hour of one core: cargo test --release --test promises every_slab_by_counting -- --ignored --nocapture"]
 fn every_slab_by_counting_photons() {
     let mut checks = Checks::default();
     for (slab, exact) in grid().into_iter().filter(|(slab, _)| chosen(&slab.to_string())) {
@@ -555,7 +552,7 @@ fn every_slab_by_counting_photons() {
 }
 
 #[test]
-#[ignore = "an hour: cargo test --release --test promises every_slab_by_gathering -- --ignored --nocapture"]
+#[ignore = "some hours of one core: cargo test --release --test promises every_slab_by_gathering -- --ignored --nocapture"]
 fn every_slab_by_gathering() {
     let mut checks = Checks::default();
     for (slab, what, side, exact) in sides() {

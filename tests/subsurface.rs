@@ -6,7 +6,7 @@ use volpm::math::Rgb;
 use volpm::photon::{self, Pass, Photon};
 
 use crate::slab::Slab;
-use crate::support::{Checks, Effort, Estimate, chosen, scene};
+use crate::support::{Checks, Effort, Estimate, STRICT, chosen, scene};
 
 /// Light gathered from photons, as a camera sees it whose rays refract by up to 30°.
 #[test]
@@ -118,7 +118,7 @@ fn balls_lit_from_the_front() {
 }
 
 #[test]
-#[ignore = "hours: cargo test --release --test promises every_ball -- --ignored --nocapture"]
+#[ignore = "some hours of one core: cargo test --release --test promises every_ball -- --ignored --nocapture"]
 fn every_ball_lit_from_the_front() {
     let mut checks = Checks::default();
     for (thickness, samples, photons) in
@@ -134,7 +134,7 @@ fn every_ball_lit_from_the_front() {
             // Both errors together a third of 2 %.
             let [path, found] = ball.zones([0.0047; 2]);
             for (zone, name) in ["ball", "ring"].into_iter().enumerate() {
-                checks.close(&format!("{what}, {name}"), &found[zone], &path[zone], 0.02, (0.0, 1.0 / 3.0));
+                checks.close(&format!("{what}, {name}"), &found[zone], &path[zone], 0.02, STRICT);
             }
         }
     }
@@ -174,7 +174,7 @@ fn a_backlit_slab() {
 }
 
 #[test]
-#[ignore = "an hour: cargo test --release --test promises every_backlit_slab -- --ignored --nocapture"]
+#[ignore = "some hours of one core: cargo test --release --test promises every_backlit_slab -- --ignored --nocapture"]
 fn every_backlit_slab() {
     let mut checks = Checks::default();
     for tau in [2.0, 10.0, 30.0] {
@@ -182,7 +182,7 @@ fn every_backlit_slab() {
             let what = format!("τ = {tau}, n = {index}, g = {g}");
             if chosen(&what) {
                 let [path, found] = backlit(tau, index, g, Effort::patient(&what, 8), 0.0047);
-                checks.close(&what, &found, &path, 0.02, (0.0, 1.0 / 3.0));
+                checks.close(&what, &found, &path, 0.02, STRICT);
             }
         }
     }

@@ -62,13 +62,13 @@ impl Effort {
         Effort { from: 1, first: count, longest: Duration::ZERO }
     }
 
-    /// As many as the case of this name needs, for tests run by hand: for at most `VOLPM_SECONDS` (120), with seeds of its
+    /// As many as the case of this name needs, for tests run by hand: for at most `VOLPM_SECONDS` (600), with seeds of its
     /// own, others for each `VOLPM_SEED` (1).
     pub fn patient(what: &str, first: u32) -> Self {
         let number = |name: &str, default: u32| {
             std::env::var(name).map_or(default, |text| text.parse().unwrap_or_else(|_| panic!("{name}={text}")))
         };
-        let longest = Duration::from_secs(number("VOLPM_SECONDS", 120).into());
+        let longest = Duration::from_secs(number("VOLPM_SECONDS", 600).into());
         // FNV-1a: cases that shared random numbers would err together.
         let hash = |hash: u32, byte: u8| (hash ^ u32::from(byte)).wrapping_mul(16_777_619);
         let from = what.bytes().fold(number("VOLPM_SEED", 1).wrapping_mul(2_166_136_261), hash) >> 1;
@@ -162,6 +162,9 @@ impl Estimate {
         })
     }
 }
+
+/// For [`Checks::close`]: the difference is within what is allowed, and the standard error a third of that.
+pub const STRICT: (f64, f64) = (0.0, 1.0 / 3.0);
 
 /// How far a number may be from one that is expected: a share of it above 1e-3, below 1e-4.
 pub fn allowed(expected: f64, share: f64) -> f64 {
