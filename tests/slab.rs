@@ -1,39 +1,46 @@
-//! Reflectance R and transmittance T of wide slabs, by both estimators, against numbers from elsewhere: a table made
-//! by adding–doubling, and the solver below, which shares nothing with the renderer.
+//! Reflectance R and transmittance T of wide slabs, by paths, by photons that leave and by photons gathered, against
+//! numbers from elsewhere: a table made by adding–doubling, and the solver below, which shares nothing with the renderer.
 //!
 //! R and T of a beam at normal incidence are, by reciprocity, what a camera sees that looks straight at the slab
 //! under light of radiance 1 from all sides of one half space: above it for R, below it for T.
 
 use std::f64::consts::PI;
+use std::fmt;
+use std::ops::ControlFlow;
 
-use crate::support::{Checks, Estimate, data};
+use volpm::math::random::Purpose;
+use volpm::math::{DVec3, Ray, Rgb, Stream};
+use volpm::scene::{Inside, Scene};
+use volpm::transport::{Crossing, Segment, Side, Stop, Tally, Visitor, Walk, fly, survive};
 
-/// A row of `data/slab.csv`: index, optical thickness, albedo, phase function and its parameter, R and T.
-#[derive(Clone, Debug)]
-struct Row {
-    index: f64,
-    tau: f64,
-    albedo: f64,
-    phase: String,
-    g: f64,
-    reflectance: f64,
-    transmittance: f64,
+use crate::support::{Checks, Effort, Estimate, STRICT, allowed, chosen, data, scene};
+
+/// A slab in vacuum.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Slab {
+    pub index: f64,
+    pub tau: f64,
+    pub albedo: f64,
+    /// `hg` or `schlick`, and its parameter.
+    pub phase: &'static str,
+    pub g: f64,
 }
 
-fn table() -> Vec<Row> {
+impl fmt::Display for Slab {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "n = {}, τ = {}, Λ = {}, {} {}", self.index, self.tau, self.albedo, self.phase, self.g)
+    }
+}
+
+/// The rows of `data/slab.csv`: index, optical thickness, albedo, phase function and its parameter, R and T.
+fn table() -> Vec<(Slab, [f64; 2])> {
     let text = std::fs::read_to_string(data("slab.csv")).unwrap();
     let row = |line: &str| {
         let cells: Vec<&str> = line.split(',').collect();
         let number = |i: usize| cells[i].parse::<f64>().unwrap();
-        Row {
-            index: number(0),
-            tau: number(1),
-            albedo: number(2),
-            phase: cells[3].to_string(),
-            g: number(4),
-            reflectance: number(5),
-            transmittance: number(6),
-        }
+        let phase = if cells[3] == "schlick" { "schlick" } else { "hg" };
+        let slab = Slab { index: number(0), tau: number(1), albedo: number(2), phase, g: number(4) };
+        (slab, [number(5), number(6)])
     };
     text.lines().skip(1).map(row).collect()
 }
@@ -209,111 +216,201 @@ pub mod solver {
     }
 }
 
-fn phase_function(row: &Row) -> impl Fn(f64) -> f64 {
-    let (g, schlick) = (row.g, row.phase == "schlick");
-    move |x: f64| {
-        if schlick {
-            (1.0 - g * g) / (4.0 * PI * (1.0 - g * x).powi(2))
-        } else {
-            (1.0 - g * g) / (4.0 * PI * (1.0 + g * g - 2.0 * g * x).powf(1.5))
-        }
-    }
-}
-
 #[test]
 fn the_solver_agrees_with_the_table() {
     let mut checks = Checks::default();
-    for row in table() {
-        let (r, t) = solver::slab(row.index, row.tau, row.albedo, phase_function(&row));
+    for (slab, expected) in table() {
+        let [r, t] = slab.exact();
         // The table has six digits and is sure to 1e-5; where there is a critical angle, to 3e-5 (half as many nodes
         // again change the solver's numbers by 5e-6 there).
-        let sure = if row.index == 1.0 { 1e-5 } else { 3e-5 };
+        let sure = if slab.index == 1.0 { 1e-5 } else { 3e-5 };
         let close = |x: f64, y: f64| (x - y).abs() <= sure * y.max(0.01);
-        let holds = close(r, row.reflectance) && close(t, row.transmittance);
-        checks.holds(format!("{row:?}: {r} {t}"), holds);
+        checks.holds(format!("{slab}: {r} {t}"), close(r, expected[0]) && close(t, expected[1]));
     }
     checks.finish();
 }
 
-fn medium(row: &Row) -> String {
-    let parameter = if row.phase == "schlick" { "k" } else { "g" };
-    format!(
-        "[media.fog]\nsigma_t = 1.0\nalbedo = {}\nphase = {{ type = \"{}\", {parameter} = {} }}\n\
-         [materials.black]\ntype = \"lambert\"\nreflectance = 0\n\
-         [materials.glass]\ntype = \"dielectric\"\nior = {}\n",
-        row.albedo, row.phase, row.g, row.index
-    )
-}
-
-fn boundary(row: &Row) -> &'static str {
-    if row.index == 1.0 { "none" } else { "glass" }
-}
-
-/// A box 50 times as wide as thick under the sky, with a black sheet beyond or above the camera.
-fn wide(row: &Row, transmitted: bool, samples: u32) -> String {
-    let half = 50.0 * row.tau.max(1.0);
-    let sheet = if transmitted { 3.0 } else { -row.tau - 0.01 };
-    let far = 40.0 * half;
-    format!(
-        "[film]\nwidth = 1\nheight = 1\nlayers = false\n\
-         [camera]\nposition = [0, 0, 2]\ntarget = [0, 0, 0]\nfov = 2\n\
-         [render]\nmethod = \"path\"\nsamples = {samples}\n{}\
-         [[lights]]\ntype = \"environment\"\nradiance = 1.0\n\
-         [[shapes]]\ntype = \"box\"\nmin = [{}, {}, {}]\nmax = [{half}, {half}, 0]\nmaterial = \"{}\"\ninterior = \"fog\"\n\
-         [[shapes]]\ntype = \"quad\"\norigin = [{}, {}, {sheet}]\nedge_u = [{}, 0, 0]\nedge_v = [0, {}, 0]\nmaterial = \"black\"\n",
-        medium(row),
-        -half,
-        -half,
-        -row.tau,
-        boundary(row),
-        -far,
-        -far,
-        2.0 * far,
-        2.0 * far
-    )
-}
-
-/// A column of the slab between mirrors, which stand for all of its width. One end of the tube shines 1, the other is
-/// black. A camera that looks along it sees no blur of kernels: light is the same all over a disc.
-fn column(row: &Row, transmitted: bool, samples: u32, photons: u32) -> String {
-    let (top, bottom) = (0.3, -row.tau - 0.3);
-    let (lit, dark) = if transmitted { (bottom, top) } else { (top, bottom) };
-    // Discs almost as wide as the column, so that one ray meets most photons.
-    let neighbours = (0.3 * photons as f64 / row.tau) as u32;
-    let mut text = format!(
-        "[film]\nwidth = 1\nheight = 1\nlayers = false\n\
-         [camera]\nposition = [0, 0, 0.2]\ntarget = [0, 0, 0]\nfov = 2\n\
-         [render]\nmethod = \"photon\"\nsamples = {samples}\n[photons]\nvolume = {photons}\n\
-         [volume]\nneighbours = {neighbours}\nmax_radius = 0.49\n{}\
-         [materials.mirror]\ntype = \"mirror\"\nreflectance = 1\n\
-         [[shapes]]\ntype = \"box\"\nmin = [-0.51, -0.51, {}]\nmax = [0.51, 0.51, 0]\nmaterial = \"{}\"\ninterior = \"fog\"\n\
-         [[shapes]]\ntype = \"quad\"\norigin = [-0.5, -0.5, {dark}]\nedge_u = [1, 0, 0]\nedge_v = [0, 1, 0]\nmaterial = \"black\"\n\
-         [[shapes]]\ntype = \"disk\"\ncenter = [0, 0, {lit}]\nnormal = [0, 0, {}]\nradius = 0.8\nmaterial = \"black\"\n\
-         emission = {{ radiance = 1.0 }}\n",
-        medium(row),
-        -row.tau,
-        boundary(row),
-        if transmitted { 1 } else { -1 }
-    );
-    let height = top - bottom;
-    for (x, y, u) in [(-0.5, -0.5, [1, 0]), (-0.5, 0.5, [1, 0]), (-0.5, -0.5, [0, 1]), (0.5, -0.5, [0, 1])] {
-        text += &format!(
-            "[[shapes]]\ntype = \"quad\"\norigin = [{x}, {y}, {bottom}]\nedge_u = [{}, {}, 0]\nedge_v = [0, 0, {height}]\nmaterial = \"mirror\"\n",
-            u[0], u[1]
-        );
+impl Slab {
+    /// R and T of a beam at normal incidence, by the solver.
+    pub fn exact(&self) -> [f64; 2] {
+        let (g, schlick) = (self.g, self.phase == "schlick");
+        let phase = |x: f64| {
+            if schlick {
+                (1.0 - g * g) / (4.0 * PI * (1.0 - g * x).powi(2))
+            } else {
+                (1.0 - g * g) / (4.0 * PI * (1.0 + g * g - 2.0 * g * x).powf(1.5))
+            }
+        };
+        solver::slab(self.index, self.tau, self.albedo, phase).into()
     }
-    text
+
+    fn materials(&self) -> String {
+        let parameter = if self.phase == "schlick" { "k" } else { "g" };
+        format!(
+            "[media.fog]\nsigma_t = 1.0\nalbedo = {}\nphase = {{ type = \"{}\", {parameter} = {} }}\n\
+             [materials.black]\ntype = \"lambert\"\nreflectance = 0\n\
+             [materials.glass]\ntype = \"dielectric\"\nior = {}\n",
+            self.albedo, self.phase, self.g, self.index
+        )
+    }
+
+    /// A box from z = −τ to 0.
+    fn block(&self, half: f64) -> String {
+        format!(
+            "{}[[shapes]]\ntype = \"box\"\nmin = [{}, {}, {}]\nmax = [{half}, {half}, 0]\nmaterial = \"{}\"\n\
+             interior = \"fog\"\n",
+            self.materials(),
+            -half,
+            -half,
+            -self.tau,
+            if self.index == 1.0 { "none" } else { "glass" }
+        )
+    }
+
+    /// 50 times as wide as thick.
+    fn wide(&self) -> String {
+        self.block(50.0 * self.tau.max(1.0))
+    }
+
+    /// What a camera sees that looks straight at the wide slab, under a sky of radiance 1 above it or below. A black
+    /// sheet hides the other half of it.
+    fn seen(&self, transmitted: bool, samples: u32) -> String {
+        let far = 2000.0 * self.tau.max(1.0);
+        let sheet = if transmitted { 3.0 } else { -self.tau - 0.01 };
+        format!(
+            "[film]\nwidth = 1\nheight = 1\nlayers = false\n\
+             [camera]\nposition = [0, 0, 2]\ntarget = [0, 0, 0]\nfov = 2\n\
+             [render]\nmethod = \"path\"\nsamples = {samples}\n[[lights]]\ntype = \"environment\"\nradiance = 1.0\n{}\
+             [[shapes]]\ntype = \"quad\"\norigin = [{}, {}, {sheet}]\nedge_u = [{}, 0, 0]\nedge_v = [0, {}, 0]\n\
+             material = \"black\"\n",
+            self.wide(),
+            -far,
+            -far,
+            2.0 * far,
+            2.0 * far
+        )
+    }
+
+    /// A column of the slab between mirrors, which stand for all of its width. One end of the tube shines 1, the other
+    /// is black. `view` is what the camera looks like, how it renders, and all about photons.
+    pub fn column(&self, transmitted: bool, half: f64, view: &str) -> String {
+        let (top, bottom) = (0.3, -self.tau - 0.3);
+        let (lit, dark) = if transmitted { (bottom, top) } else { (top, bottom) };
+        let mut text = format!(
+            "[film]\nwidth = 1\nheight = 1\nlayers = false\n\
+             [camera]\nposition = [0, 0, 0.2]\ntarget = [0, 0, 0]\n{view}\n{}\
+             [materials.mirror]\ntype = \"mirror\"\nreflectance = 1\n\
+             [[shapes]]\ntype = \"quad\"\norigin = [{a}, {a}, {dark}]\nedge_u = [{c}, 0, 0]\nedge_v = [0, {c}, 0]\n\
+             material = \"black\"\n\
+             [[shapes]]\ntype = \"disk\"\ncenter = [0, 0, {lit}]\nnormal = [0, 0, {}]\nradius = {}\n\
+             material = \"black\"\nemission = {{ radiance = 1.0 }}\n",
+            self.block(half + 0.01),
+            if transmitted { 1 } else { -1 },
+            1.6 * half,
+            a = -half - 0.01,
+            c = 2.0 * half + 0.02,
+        );
+        let height = top - bottom;
+        for (x, y, u) in [(-1.0, -1.0, [1, 0]), (-1.0, 1.0, [1, 0]), (-1.0, -1.0, [0, 1]), (1.0, -1.0, [0, 1])] {
+            text += &format!(
+                "[[shapes]]\ntype = \"quad\"\norigin = [{}, {}, {bottom}]\nedge_u = [{}, {}, 0]\n\
+                 edge_v = [0, 0, {height}]\nmaterial = \"mirror\"\n",
+                half * x,
+                half * y,
+                2.0 * half * u[0] as f64,
+                2.0 * half * u[1] as f64
+            );
+        }
+        text
+    }
+
+    /// R or T by path tracing, its standard error at most `precise` of the exact value.
+    fn by_path(&self, side: usize, samples: u32, effort: Effort, precise: impl Fn(f64) -> f64) -> Estimate {
+        effort.estimate(&self.seen(side == 1, samples), &[], precise)
+    }
+
+    /// R or T by gathering. A camera that looks along the column sees no blur of kernels: light is the same all over a
+    /// disc.
+    fn by_gathering(&self, side: usize, effort: Effort, precise: impl Fn(f64) -> f64) -> Estimate {
+        const PHOTONS: u32 = 30_000;
+        // Discs almost as wide as the column, so that one ray meets most photons.
+        let neighbours = (0.3 * f64::from(PHOTONS) / self.tau) as u32;
+        let view = format!(
+            "fov = 2\n[render]\nmethod = \"photon\"\nsamples = 64\n[photons]\nvolume = {PHOTONS}\n\
+             [volume]\nneighbours = {neighbours}\nmax_radius = 0.49"
+        );
+        effort.estimate(&self.column(side == 1, 0.5, &view), &[], precise)
+    }
+
+    /// R and T by counting photons that leave, in lots of 100.
+    fn by_counting(&self, effort: Effort, precise: [impl Fn(f64) -> f64; 2]) -> [Estimate; 2] {
+        const LOT: u64 = 100;
+        let camera = "[film]\nwidth = 1\nheight = 1\n[camera]\nposition = [0, 0, 2]\ntarget = [0, 0, 0]\n";
+        let scene = scene(&format!("{camera}{}", self.wide()), &[]);
+        let lot = |index: u32| {
+            let photons = LOT * u64::from(index)..LOT * (u64::from(index) + 1);
+            let powers = photons.map(|index| leaving(&scene, &mut Stream::new(5, Purpose::Test, index, 0)));
+            powers.fold([0.0; 2], |sum, power| [0, 1].map(|side| sum[side] + power[side] / LOT as f64))
+        };
+        let over = |lots: &[[f64; 2]]| [0, 1].map(|side| Estimate::over(lots, |lot| [lot[side]; 3]));
+        let enough =
+            |lots: &[[f64; 2]]| over(lots).iter().zip(&precise).all(|(found, precise)| found.is_within(precise));
+        over(&effort.draw(lot, enough))
+    }
 }
 
-/// A row, and how many times 2000 samples R and T take by path tracing, for each seed.
-struct Case {
-    row: Row,
-    exact: [f64; 2],
-    samples: [u32; 2],
+/// One photon, flying.
+struct Flying<'t> {
+    scene: &'t Scene,
+    weight: Rgb,
+    stream: &'t mut Stream,
+    collision: Option<f64>,
 }
 
-/// Rows that between them have every index, phase function, thickness and albedo.
-fn cases() -> Vec<Case> {
+impl Visitor for Flying<'_> {
+    fn segment(&mut self, segment: &Segment<'_>) -> ControlFlow<()> {
+        let medium = &self.scene.media[segment.medium as usize];
+        let (range, mut tally) = ((segment.a, segment.b), Tally::default());
+        self.collision = fly(medium, segment.ray, range, &mut self.weight, self.stream, &mut tally, |_, _| {});
+        if self.collision.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+
+    fn crossing(&mut self, _: &Crossing<'_>) {}
+}
+
+/// The power of a photon that leaves upwards, and downwards, of 1 that comes from above.
+fn leaving(scene: &Scene, stream: &mut Stream) -> [f64; 2] {
+    let ray = Ray::new(DVec3::Z - scene.center, -DVec3::Z);
+    let (mut walk, mut weight) = (Walk::start(scene, ray, Inside::default()), Rgb::ONE);
+    loop {
+        let mut flying = Flying { scene, weight, stream, collision: None };
+        let stop = walk.advance(&mut flying);
+        weight = flying.weight;
+        let collision = flying.collision;
+        match (stop, collision) {
+            (Stop::Ended, Some(t)) => {
+                let medium = &scene.media[0];
+                if !survive(&mut weight, medium.albedo, stream) {
+                    return [0.0; 2];
+                }
+                let (direction, _) = medium.phase.sample(walk.ray.direction, stream);
+                walk.turn(t, direction);
+            }
+            (Stop::Surface(at), _) => match at.scatter(Side::Light, &mut weight, stream) {
+                Some(direction) => walk.leave(&at, direction),
+                None => return [0.0; 2],
+            },
+            _ => {
+                let power = weight.x;
+                return if walk.ray.direction.z > 0.0 { [power, 0.0] } else { [0.0, power] };
+            }
+        }
+    }
+}
+
+/// Rows that between them have every index, phase function, thickness and albedo, with R and T, and how many times 2000
+/// samples these take by path tracing, for each seed.
+fn cases() -> Vec<(Slab, [f64; 2], [u32; 2])> {
     let wanted = [
         ((1.0, 1.0, 0.9, 0.0), [10, 4]),
         ((1.0, 4.0, 0.5, 0.0), [12, 12]),
@@ -326,40 +423,26 @@ fn cases() -> Vec<Case> {
         ((1.4, 4.0, 0.99, 0.0), [4, 6]),
     ];
     let table = table();
-    let case = |((index, tau, albedo, g), samples): ((f64, f64, f64, f64), [u32; 2])| {
-        let row = table.iter().find(|row| (row.index, row.tau, row.albedo, row.g) == (index, tau, albedo, g));
-        let row = row.unwrap_or_else(|| panic!("no row {index} {tau} {albedo} {g}")).clone();
-        let exact = solver::slab(index, tau, albedo, phase_function(&row)).into();
-        Case { row, exact, samples }
+    let case = |(wanted, samples): ((f64, f64, f64, f64), [u32; 2])| {
+        let row = table.iter().find(|(slab, _)| (slab.index, slab.tau, slab.albedo, slab.g) == wanted);
+        let (slab, _) = *row.unwrap_or_else(|| panic!("no row {wanted:?}"));
+        (slab, slab.exact(), samples)
     };
     wanted.map(case).into()
 }
 
-/// Above 1e-3 within 3 standard errors, below it within 1e-4. `precision` is what these errors may be at most, for
-/// numbers above 0.1 and below.
-fn check(checks: &mut Checks, case: &Case, transmitted: bool, found: &Estimate, precision: [f64; 2]) {
-    let row = &case.row;
-    let name = if transmitted { "T" } else { "R" };
-    let exact = case.exact[transmitted as usize];
-    let what = format!("n = {}, τ = {}, Λ = {}, {} {}: {name}", row.index, row.tau, row.albedo, row.phase, row.g);
-    if exact > 1e-3 {
-        let precision = precision[usize::from(exact < 0.1)];
-        checks.agree(&what, found, &Estimate::exact([exact; 3]), precision, 0.0);
-    } else {
-        let close = found.mean.iter().all(|x| (x - exact).abs() < 1e-4);
-        checks.holds(format!("{what}: {:?} against {exact}", found.mean), close);
-    }
-}
+const SIDES: [&str; 2] = ["R", "T"];
 
 #[test]
 fn slabs_by_path_tracing() {
     let mut checks = Checks::default();
     // Those that photons do not take, and the last, which both do: all thicknesses, albedos and phase functions.
     for (_, case) in cases().into_iter().enumerate().filter(|(index, _)| index % 2 == 1 || *index >= 6) {
-        for transmitted in [false, true] {
-            let samples = 2000 * case.samples[transmitted as usize];
-            let found = Estimate::of(32, &wide(&case.row, transmitted, samples), &[]);
-            check(&mut checks, &case, transmitted, &found, [0.003, 0.0075]);
+        let (slab, exact, samples) = case;
+        for (side, name) in SIDES.into_iter().enumerate() {
+            let found = slab.by_path(side, 2000 * samples[side], Effort::once(32), |_| 0.0);
+            let precision = if exact[side] > 0.1 { 0.003 } else { 0.0075 };
+            checks.agree(&format!("{slab}: {name}"), &found, &Estimate::exact([exact[side]; 3]), precision, 0.0);
         }
     }
     checks.finish();
@@ -369,11 +452,112 @@ fn slabs_by_path_tracing() {
 fn slabs_by_photons() {
     let mut checks = Checks::default();
     // Every second one, which leaves all of the indices and phase functions.
-    for case in cases().into_iter().step_by(2) {
-        for transmitted in [false, true] {
-            let found = Estimate::of(80, &column(&case.row, transmitted, 64, 30_000), &[]);
-            check(&mut checks, &case, transmitted, &found, [0.025, 0.05]);
+    for (slab, exact, _) in cases().into_iter().step_by(2) {
+        for (side, name) in SIDES.into_iter().enumerate() {
+            let found = slab.by_gathering(side, Effort::once(80), |_| 0.0);
+            let precision = if exact[side] > 0.1 { 0.025 } else { 0.05 };
+            checks.agree(&format!("{slab}: {name}"), &found, &Estimate::exact([exact[side]; 3]), precision, 0.0);
         }
+    }
+    checks.finish();
+}
+
+/// Slabs that between them have both indices, thin and thick ones, and forward scattering; for R and T samples by path
+/// tracing in thousands, in each of 16 renders, and photons in thousands.
+const REFRACTING: [(Slab, [u32; 2], u32); 6] = [
+    (Slab { index: 1.33, tau: 1.0, albedo: 0.9, phase: "hg", g: 0.9 }, [20, 1], 200),
+    (Slab { index: 1.33, tau: 8.0, albedo: 0.99, phase: "hg", g: 0.5 }, [2, 4], 60),
+    (Slab { index: 1.5, tau: 4.0, albedo: 0.99, phase: "hg", g: 0.9 }, [6, 2], 60),
+    (Slab { index: 1.5, tau: 30.0, albedo: 0.999, phase: "hg", g: 0.8 }, [2, 7], 60),
+    (Slab { index: 1.33, tau: 100.0, albedo: 1.0, phase: "hg", g: 0.9 }, [1, 0], 60),
+    (Slab { index: 1.5, tau: 100.0, albedo: 0.999, phase: "hg", g: 0.0 }, [1, 0], 30),
+];
+
+#[test]
+fn refracting_slabs_by_path_tracing_and_by_counting_photons() {
+    let mut checks = Checks::default();
+    for (slab, samples, photons) in REFRACTING {
+        let exact = slab.exact();
+        let counted = slab.by_counting(Effort::once(10 * photons), [|_| 0.0; 2]);
+        for (side, name) in SIDES.into_iter().enumerate() {
+            let value = Estimate::exact([exact[side]; 3]);
+            if samples[side] > 0 {
+                let found = slab.by_path(side, 1000 * samples[side], Effort::once(16), |_| 0.0);
+                checks.agree(&format!("{slab}: {name} by path"), &found, &value, 0.005, 0.0);
+            }
+            let (what, found) = (format!("{slab}: {name} by photons"), &counted[side]);
+            if exact[side] > 0.01 {
+                checks.agree(&what, found, &value, 0.01, 0.0);
+            } else {
+                let (mean, error) = (found.mean[0], found.standard_error[0]);
+                checks.holds(format!("{what}: {mean:.2e}"), (mean - exact[side]).abs() < 1e-4 + 3.0 * error);
+            }
+        }
+    }
+    checks.finish();
+}
+
+/// All rows of the table, and what refracts at two more indices, with R and T.
+fn grid() -> Vec<(Slab, [f64; 2])> {
+    let mut slabs: Vec<Slab> = table().into_iter().map(|(slab, _)| slab).collect();
+    for index in [1.33, 1.5] {
+        for g in [0.0, 0.5, 0.9] {
+            for tau in [1.0, 4.0, 16.0, 100.0] {
+                slabs.extend([0.9, 0.99, 1.0].map(|albedo| Slab { index, tau, albedo, phase: "hg", g }));
+            }
+        }
+    }
+    slabs.into_iter().map(|slab| (slab, slab.exact())).collect()
+}
+
+/// The sides of the grid that `VOLPM_CASES` chooses: slab, what it is called, side, and the exact value. What is below
+/// 1e-9 no sampling sees.
+fn sides() -> impl Iterator<Item = (Slab, String, usize, f64)> {
+    let sides = |(slab, exact): (Slab, [f64; 2])| {
+        [0, 1].map(|side| (slab, format!("{slab}: {}", SIDES[side]), side, exact[side]))
+    };
+    grid().into_iter().flat_map(sides).filter(|(_, what, _, exact)| *exact > 1e-9 && chosen(what))
+}
+
+#[test]
+#[ignore = "an hour of one core: cargo test --release --test promises every_slab_by_path -- --ignored --nocapture"]
+fn every_slab_by_path_tracing() {
+    let mut checks = Checks::default();
+    for (slab, what, side, exact) in sides() {
+        let value = Estimate::exact([exact; 3]);
+        if exact > 1e-3 {
+            let found = slab.by_path(side, 1000, Effort::patient(&what, 16), |_| 0.005 * exact);
+            checks.agree(&what, &found, &value, 0.005, 0.0);
+        } else {
+            let found = slab.by_path(side, 1000, Effort::patient(&what, 200), |_| STRICT.1 * 1e-4);
+            checks.close(&what, &found, &value, 0.0, STRICT);
+        }
+    }
+    checks.finish();
+}
+
+#[test]
+#[ignore = "an hour of one core: cargo test --release --test promises every_slab_by_counting -- --ignored --nocapture"]
+fn every_slab_by_counting_photons() {
+    let mut checks = Checks::default();
+    for (slab, exact) in grid().into_iter().filter(|(slab, _)| chosen(&slab.to_string())) {
+        let precise = exact.map(|exact| move |_| STRICT.1 * allowed(exact, 0.01));
+        let found = slab.by_counting(Effort::patient(&slab.to_string(), 2000), precise);
+        for side in [0, 1].into_iter().filter(|&side| exact[side] > 1e-9) {
+            let what = format!("{slab}: {}", SIDES[side]);
+            checks.close(&what, &found[side], &Estimate::exact([exact[side]; 3]), 0.01, STRICT);
+        }
+    }
+    checks.finish();
+}
+
+#[test]
+#[ignore = "some hours of one core: cargo test --release --test promises every_slab_by_gathering -- --ignored --nocapture"]
+fn every_slab_by_gathering() {
+    let mut checks = Checks::default();
+    for (slab, what, side, exact) in sides() {
+        let found = slab.by_gathering(side, Effort::patient(&what, 16), |_| STRICT.1 * allowed(exact, 0.02));
+        checks.close(&what, &found, &Estimate::exact([exact; 3]), 0.02, STRICT);
     }
     checks.finish();
 }
