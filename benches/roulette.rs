@@ -83,7 +83,7 @@ fn main() {
         traced.regions.sort_by_key(Vec::len);
         let photons = traced.regions.pop().expect("the scene has a medium");
         let radius = Radius::Variable { neighbours: 300, pilot: 18, max_radius: 0.5 };
-        let map = PhotonMap::build(photons, &MapSettings::new(radius), &|_: Vec3, _: f32, _: &mut _| ());
+        let map = PhotonMap::build(photons, &MapSettings::new(radius), &|_: Vec3, _: f32, _: f32, _: &mut _| ());
         let discs: Vec<Disc> = map.discs().collect();
 
         let camera = Camera::new(&scene.camera, &scene.film);

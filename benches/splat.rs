@@ -238,7 +238,7 @@ mod splat {
     }
 
     fn compare(name: &str, photons: Vec<Photon>, radius: Radius, view: &View) {
-        let map = PhotonMap::build(photons, &MapSettings::new(radius), &|_: Vec3, _: f32, _: &mut _| ());
+        let map = PhotonMap::build(photons, &MapSettings::new(radius), &|_: Vec3, _: f32, _: f32, _: &mut _| ());
         let discs: Vec<Disc> = map.discs().collect();
         let rays = view.rays();
         let phase = PhaseLanes::new(Lobe::HenyeyGreenstein(G.into()));

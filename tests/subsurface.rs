@@ -101,6 +101,7 @@ fn balls_lit_from_the_front() {
     let mut checks = Checks::default();
     for (thickness, index, g, samples, (seeds, photons)) in [
         (1.0, 1.0, 0.8, 400, (16, 200_000)),
+        (10.0, 1.0, 0.0, 60, (16, 200_000)),
         (10.0, 1.3, 0.8, 100, (16, 200_000)),
         (100.0, 1.0, 0.0, 16, (16, 100_000)),
         (100.0, 1.5, 0.0, 32, (16, 100_000)),

@@ -79,7 +79,7 @@ fn bands(seed: u64) -> [[[f64; 2]; 3]; 2] {
     [true, false].map(|boundaries| {
         RADII.map(|radius| {
             let settings = MapSettings { boundaries, ..MapSettings::new(Radius::Fixed(radius as f32)) };
-            let near = |position: Vec3, radius: f32, planes: &mut SmallVec<[Plane; 3]>| {
+            let near = |position: Vec3, radius: f32, _: f32, planes: &mut SmallVec<[Plane; 3]>| {
                 walls::near(&scene, position, 2.0 * radius, false, planes);
             };
             let map = PhotonMap::build(photons.clone(), &settings, &near);

@@ -404,7 +404,7 @@ fn build(name: &str, photons: &[Photon], radius: Radius, instructions: Instructi
     for _ in 0..3 {
         let photons = photons.to_vec();
         let start = Instant::now();
-        map = Some(PhotonMap::build(photons, &settings, &|_: Vec3, _: f32, _: &mut _| ()));
+        map = Some(PhotonMap::build(photons, &settings, &|_: Vec3, _: f32, _: f32, _: &mut _| ()));
         best = best.min(start.elapsed().as_secs_f64());
     }
     let mut map = map.unwrap();

@@ -675,10 +675,10 @@ mod tests {
 
     type Planes = SmallVec<[Plane; 3]>;
 
-    fn no_walls(_: Vec3, _: f32, _: &mut Planes) {}
+    fn no_walls(_: Vec3, _: f32, _: f32, _: &mut Planes) {}
 
     /// The walls of the cube [−1, 1]³.
-    fn room(x: Vec3, r: f32, planes: &mut Planes) {
+    fn room(x: Vec3, r: f32, _: f32, planes: &mut Planes) {
         for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
             for normal in [axis, -axis] {
                 let distance = 1.0 + x.dot(normal);
@@ -760,7 +760,7 @@ mod tests {
         query: &BeamQuery,
         lobes: &[(f64, Lobe)],
         depth: impl Fn(f64) -> f64,
-        planes: impl Fn(Vec3, f32, &mut Planes),
+        planes: impl Fn(Vec3, f32, f32, &mut Planes),
     ) -> ([f64; 3], [f64; 3]) {
         let (mut total, mut single) = ([0.0; 3], [0.0; 3]);
         let mut walls = Planes::new();
@@ -774,7 +774,7 @@ mod tests {
             let mut value = profile.disc(foot.distance(x) / r) / (r * r);
             value *= phase(lobes, photon.direction.as_dvec3(), query.direction);
             walls.clear();
-            planes(photon.position, r as f32, &mut walls);
+            planes(photon.position, r as f32, r as f32, &mut walls);
             walls.sort_by(|a, b| a.distance.total_cmp(&b.distance));
             for wall in walls.iter().take(3) {
                 let normal = wall.normal.as_dvec3();
@@ -937,7 +937,7 @@ mod tests {
         const N: usize = 400_000;
         const HALF: f64 = 12.0;
         const DEPTH: f64 = 8.0;
-        let boundary = |x: Vec3, r: f32, planes: &mut Planes| {
+        let boundary = |x: Vec3, r: f32, _: f32, planes: &mut Planes| {
             planes.push(Plane { normal: -Vec3::Z, distance: -x.z, leans: true });
             let distance = x.x + HALF as f32;
             if distance < 2.0 * r {

@@ -1454,7 +1454,7 @@ mod tests {
     }
 
     /// The cube's faces as walls.
-    fn room(x: Vec3, r: f32, planes: &mut SmallVec<[Plane; 3]>) {
+    fn room(x: Vec3, r: f32, _: f32, planes: &mut SmallVec<[Plane; 3]>) {
         for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
             for normal in [axis, -axis] {
                 let distance = 1.0 + x.dot(normal);
@@ -1508,9 +1508,9 @@ mod tests {
         let variable = Radius::Variable { neighbours: 60, pilot: 8, max_radius: 0.3 };
         for (tagged, walled) in [(false, false), (true, true)] {
             let settings = MapSettings { tagged, ..MapSettings::new(variable) };
-            let planes = |x: Vec3, r: f32, planes: &mut SmallVec<[Plane; 3]>| {
+            let planes = |x: Vec3, r: f32, mean: f32, planes: &mut SmallVec<[Plane; 3]>| {
                 if walled {
-                    room(x, r, planes);
+                    room(x, r, mean, planes);
                 }
             };
             let map = PhotonMap::build(photons.clone(), &settings, &planes);
@@ -1566,7 +1566,7 @@ mod tests {
             photon.power *= (9.0 * photon.position.z).exp();
         }
         let settings = MapSettings::new(Radius::Variable { neighbours: 60, pilot: 8, max_radius: 0.3 });
-        let map = PhotonMap::build(photons, &settings, &|_: Vec3, _: f32, _: &mut _| ());
+        let map = PhotonMap::build(photons, &settings, &|_: Vec3, _: f32, _: f32, _: &mut _| ());
         let phase = PhaseLanes::new(Lobe::HenyeyGreenstein(0.3));
         let density = Density::Uniform;
         for extinction in [Vec3::splat(10.0), Vec3::new(12.0, 9.0, 10.0)] {
@@ -1638,7 +1638,7 @@ mod tests {
     fn bundles_know_uneven_depths() {
         let density = voxels();
         let settings = MapSettings::new(Radius::Variable { neighbours: 60, pilot: 8, max_radius: 0.3 });
-        let map = PhotonMap::build(photons(20_000), &settings, &|_: Vec3, _: f32, _: &mut _| ());
+        let map = PhotonMap::build(photons(20_000), &settings, &|_: Vec3, _: f32, _: f32, _: &mut _| ());
         let phase = PhaseLanes::new(Lobe::HenyeyGreenstein(0.6));
         let (mut scratch, mut gathered) = (BundleScratch::default(), Vec::new());
         let views = [

@@ -269,9 +269,9 @@ impl PhotonMap {
     /// Orders `photons`, finds their radii, and builds the hierarchy; in parallel, on the current
     /// thread pool, with the same result for any number of threads.
     ///
-    /// `planes` is asked for the walls near a photon, once radii are known: a wall matters if it is
-    /// closer than *twice* the photon's radius, because the disc is drawn around a foot point that
-    /// may be a radius away, or if the disc leans on it. That one and the nearest others count, three in all.
+    /// `planes` is asked for the walls near a photon, once radii are known: its position, its radius and the mean radius
+    /// of all. A wall matters if it is closer than *twice* the photon's radius, because the disc is drawn around a foot
+    /// point that may be a radius away, or if the disc leans on it. That one and the nearest others count, three in all.
     ///
     /// *Variable radii:* among fewer than m + 1 photons the farthest stands for the m-th neighbour,
     /// with its own count; a single photon gets `max_radius`. Photons at one place get the smallest
@@ -281,7 +281,7 @@ impl PhotonMap {
     pub fn build(
         photons: Vec<Photon>,
         settings: &MapSettings,
-        planes: &(impl Fn(Vec3, f32, &mut SmallVec<[Plane; 3]>) + Sync),
+        planes: &(impl Fn(Vec3, f32, f32, &mut SmallVec<[Plane; 3]>) + Sync),
     ) -> PhotonMap {
         let given = photons.len();
         let photons = storable(photons);
@@ -305,13 +305,17 @@ impl PhotonMap {
             }
         };
         let (nodes, extent) = discs::build(&blocks, count, radii);
-        let (wall_starts, walls, leaning) =
-            if settings.boundaries { walls_of(&blocks, count, radii, planes) } else { Default::default() };
-
         let summary = match radii {
             Widths::Same(r) if count > 0 => Radii { min: r, mean: r, max: r },
             Widths::Same(_) => Radii::default(),
             Widths::Own(radii) => summary(&radii[..count]),
+        };
+        let (wall_starts, walls, leaning) = if settings.boundaries {
+            walls_of(&blocks, count, radii, &|position, radius, found: &mut _| {
+                planes(position, radius, summary.mean, found);
+            })
+        } else {
+            Default::default()
         };
         let size = extent.block_sizes / blocks.len().max(1) as f64;
         PhotonMap {
@@ -620,7 +624,7 @@ mod tests {
             .collect()
     }
 
-    fn no_walls(_: Vec3, _: f32, _: &mut SmallVec<[Plane; 3]>) {}
+    fn no_walls(_: Vec3, _: f32, _: f32, _: &mut SmallVec<[Plane; 3]>) {}
 
     #[test]
     fn nearest_distances_equal_those_of_a_search_through_all() {
@@ -669,7 +673,7 @@ mod tests {
             tagged: true,
             ..MapSettings::new(Radius::Variable { neighbours: 50, pilot: 8, max_radius: 0.2 })
         };
-        let floor = |x: Vec3, r: f32, planes: &mut SmallVec<[Plane; 3]>| {
+        let floor = |x: Vec3, r: f32, _: f32, planes: &mut SmallVec<[Plane; 3]>| {
             if x.z < 2.0 * r {
                 planes.push(Plane { normal: Vec3::Z, distance: x.z, leans: false });
             }

@@ -10,10 +10,28 @@ use crate::scene::{Inside, Scene};
 /// Walls whose normals differ by less than this cosine are one: neighbouring faces of a curved mesh.
 const ONE_WALL: f64 = 0.9;
 
-/// Discs of more mean free paths than this lean on the nearest boundary of their region: across a ray that leaves at an
-/// angle θ to the normal, they would blend depths r sin θ apart. Smaller ones lose less than they would by leaning on
-/// walls that the ray does not come through.
-pub const LEANING: f32 = 0.5;
+/// In a map whose discs have a mean radius of more mean free paths than this, they lean on the nearest boundary of their
+/// region: across a ray that leaves at an angle θ to the normal, they would blend depths r sin θ apart. Smaller ones lose
+/// less than they would by leaning on walls that the ray does not come through.
+const LEANING: f32 = 0.5;
+
+/// How many mean free paths below a boundary discs lean on it at least: what leaves comes from there. Light of discs
+/// that do not, from below, would count beside that of those that do.
+const DEPTH: f32 = 2.0;
+
+/// The walls that matter for a photon in a medium of this extinction coefficient, among photons of this mean radius;
+/// see [`near`]. All discs lean or none do, for the same reason.
+pub fn of_disc(
+    scene: &Scene,
+    extinction: f32,
+    (position, radius, mean): (Vec3, f32, f32),
+    walls: &mut SmallVec<[Plane; 3]>,
+) {
+    let leans = mean * extinction > LEANING;
+    // The disc is drawn around a foot point that may be a radius away from the photon.
+    let reach = if leans { (2.0 * radius).max(DEPTH / extinction) } else { 2.0 * radius };
+    near(scene, position, reach, leans, walls);
+}
 
 /// The three nearest walls within `radius` of a photon: opaque surfaces, and boundaries of its region. A face
 /// counts where the photon stands over it, not past its edge: beyond an edge there is room. Faces that coincide

@@ -496,9 +496,8 @@ fn beam_maps(scene: &Scene, plan: &Plan, scale: f32, extinctions: &[f64], region
     let build = |(photons, extinction): (Vec<Photon>, &f64)| {
         let settings =
             MapSettings { tagged: plan.tagged, scale, profile: plan.profile, ..MapSettings::new(plan.radius) };
-        let near = |position, radius, planes: &mut _| {
-            // The disc is drawn around a foot point that may be a radius away from the photon.
-            walls::near(scene, position, 2.0 * radius, radius * *extinction as f32 > walls::LEANING, planes);
+        let near = |position, radius, mean, planes: &mut _| {
+            walls::of_disc(scene, *extinction as f32, (position, radius, mean), planes);
         };
         (!photons.is_empty()).then(|| PhotonMap::build(photons, &settings, &near))
     };
