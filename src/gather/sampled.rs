@@ -1,6 +1,11 @@
 //! Optical depth of rays that gather together, at evenly spaced places, so that a photon looks it up for
 //! sixteen rays at once.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "iterators' closures need not be inlined into a kernel's instruction set"
+)]
+
 use std::ops::ControlFlow;
 
 use super::bundle::GROUP;
