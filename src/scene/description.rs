@@ -730,8 +730,8 @@ pub struct March {
 }
 
 impl March {
-    /// What holds unless the scene file says otherwise. The contrast is about the noise of some tens of photons: less would
-    /// halve all steps, and of `scenes/volume-caustic.toml` more misses what is small and bright too often.
+    /// What holds unless the scene file says otherwise. The contrast is about the noise of some tens of photons: with less,
+    /// all steps would be halved; with more, what is small and bright is missed too often (`scenes/volume-caustic.toml`).
     pub const DEFAULT: March = March { step: Step::Exponential, size: None, contrast: 0.2 };
 }
 
