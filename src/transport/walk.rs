@@ -365,6 +365,13 @@ impl Interaction {
         if right { self.shading_normal } else { self.normal }
     }
 
+    /// The part of each channel that a smooth boundary between these indices reflects, and about which normal.
+    pub fn reflected(&self, (from, to): (Rgb, Rgb)) -> (DVec3, Rgb) {
+        let normal = self.specular_normal(|normal| Some(Mirror::reflect(self.direction, normal)), true);
+        let cos = -self.direction.dot(normal);
+        (normal, Rgb::from_array(std::array::from_fn(|c| fresnel(cos, from[c], to[c]))))
+    }
+
     fn refract(
         &self,
         (from, to): (Rgb, Rgb),
@@ -373,9 +380,7 @@ impl Interaction {
         weight: &mut Rgb,
         stream: &mut Stream,
     ) -> Option<DVec3> {
-        let normal = self.specular_normal(|normal| Some(Mirror::reflect(self.direction, normal)), true);
-        let cos = -self.direction.dot(normal);
-        let reflected = Rgb::from_array(std::array::from_fn(|c| fresnel(cos, from[c], to[c])));
+        let (normal, reflected) = self.reflected((from, to));
         if Lobe::take(lobe, reflected, weight, stream) == Lobe::Reflected {
             let direction = Mirror::reflect(self.direction, normal);
             *weight *= self.adjoint(side, normal, direction);
