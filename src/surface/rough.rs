@@ -29,19 +29,42 @@ pub struct Rough {
 pub struct Leaving {
     /// The unit direction of travel.
     pub direction: DVec3,
-    /// The density per steradian with which one facet sends light there; 0 if several were met, or if there is
+    /// The density per steradian with which the last facet sends there what came to it as this light did; 0 if there is
     /// none: then nothing else can find this light.
     pub density: f64,
+    /// How many facets were met.
+    pub facets: u32,
 }
 
-/// What one facet alone does.
+/// What one facet does.
 #[derive(Clone, Copy, Debug)]
 pub struct Facet {
     /// The share of the power that arrives which leaves per steradian: f |cos θ_o| for power.
     pub value: Rgb,
-    /// The density with which [`Rough::sample`] draws the direction by one facet, where it is this channel that
+    /// The density with which [`Rough::sample`] draws the direction by this facet, where it is this channel that
     /// goes there.
     pub density: Rgb,
+}
+
+impl Facet {
+    const NONE: Facet = Facet { value: Rgb::ZERO, density: Rgb::ZERO };
+}
+
+/// Light on its way between facets, in coordinates whose z points away from the surface on the side where it is.
+#[derive(Clone, Copy)]
+struct Visit {
+    travel: DVec3,
+    from: Rgb,
+    to: Rgb,
+    /// Whether that is the other side than that of arrival.
+    beyond: bool,
+}
+
+impl Visit {
+    /// A direction as seen from the side of arrival, as seen from here, or back.
+    fn turned(&self, direction: DVec3) -> DVec3 {
+        if self.beyond { DVec3::new(direction.x, direction.y, -direction.z) } else { direction }
+    }
 }
 
 /// Facets that light meets in one visit, at most; 1 in 10⁶ meets more than thirty.
@@ -62,71 +85,91 @@ impl Rough {
         stream: &mut Stream,
     ) -> Option<Leaving> {
         let frame = Frame::around(normal);
-        let arriving = shares(*weight);
-        // In coordinates whose z points away from the surface on the side where the light is.
-        let mut travel = frame.to_local(direction);
-        let (mut from, mut to, mut beyond) = (self.from, self.to, false);
+        let mut visit = self.arrive(frame.to_local(direction));
         for facets in 1..=MOST_FACETS {
-            let facet = self.visible(-travel, stream.uniform2());
-            let cos = -travel.dot(facet);
-            let reflected = Rgb::from_array(std::array::from_fn(|c| fresnel(cos, from[c], to[c])));
-            if Lobe::take(lobe.filter(|_| facets == 1), reflected, weight, stream) == Lobe::Reflected {
-                travel = Mirror::reflect(travel, facet);
-            } else {
-                let channel = Dielectric::channel(from, to, weight, stream)?;
-                travel = Dielectric::refract(travel, facet, from[channel], to[channel])?;
-                travel.z = -travel.z;
-                beyond = !beyond;
-                std::mem::swap(&mut from, &mut to);
-            }
-            if travel.z > 0.0 && stream.uniform() < self.unmasked(travel.z) {
-                if beyond {
-                    travel.z = -travel.z;
-                }
-                let leaving = frame.to_world(travel).normalize();
-                let density = match facets {
-                    1 => {
-                        let by_channel = self.facet(direction, normal, leaving, arriving).density;
-                        // Where the channels part, all but one have no weight; else they have one density.
-                        (0..3).filter(|&c| weight[c] > 0.0).map(|c| by_channel[c]).fold(0.0, f64::max)
-                    }
-                    _ => 0.0,
-                };
-                return Some(Leaving { direction: leaving, density });
+            let (before, arriving) = (visit, shares(*weight));
+            if self.meet(&mut visit, lobe.filter(|_| facets == 1), weight, stream)? {
+                let leaving = visit.turned(visit.travel);
+                let by_channel = self.sends(&before, leaving, arriving).density;
+                // Where the channels part, all but one have no weight; else they have one density.
+                let density = (0..3).filter(|&c| weight[c] > 0.0).map(|c| by_channel[c]).fold(0.0, f64::max);
+                return Some(Leaving { direction: frame.to_world(leaving).normalize(), density, facets });
             }
         }
         None
     }
 
-    /// What one facet sends along `leaving` of light that travels along `direction`, against the unit `normal`,
-    /// where the channels have these `shares` of it (Walter et al. 2007, Eqs. 17, 20 and 21).
-    pub fn facet(&self, direction: DVec3, normal: DVec3, leaving: DVec3, shares: Rgb) -> Facet {
+    /// Follows light that travels along `direction`, against the unit `normal`, from facet to facet, and tells `sent` its weight
+    /// at each and what that facet sends along `leaving`. On average, weights times values are all that goes there; and
+    /// a light in that direction may be asked for what [`Rough::sample`] might also find by chance, each weighted by its
+    /// facet's density.
+    pub fn facets(
+        &self,
+        (direction, normal): (DVec3, DVec3),
+        leaving: DVec3,
+        mut weight: Rgb,
+        stream: &mut Stream,
+        mut sent: impl FnMut(Rgb, Facet),
+    ) {
         let frame = Frame::around(normal);
-        let (i, o) = (-frame.to_local(direction), frame.to_local(leaving));
-        let none = Facet { value: Rgb::ZERO, density: Rgb::ZERO };
-        if i.z <= 0.0 || o.z == 0.0 {
-            return none;
+        let leaving = frame.to_local(leaving);
+        let mut visit = self.arrive(frame.to_local(direction));
+        for _ in 1..=MOST_FACETS {
+            sent(weight, self.sends(&visit, leaving, shares(weight)));
+            if self.meet(&mut visit, None, &mut weight, stream) != Some(false) {
+                return;
+            }
+        }
+    }
+
+    fn arrive(&self, travel: DVec3) -> Visit {
+        Visit { travel, from: self.from, to: self.to, beyond: false }
+    }
+
+    /// Meets a facet. Returns whether light leaves then, for neither side where `None`.
+    fn meet(&self, visit: &mut Visit, lobe: Option<Lobe>, weight: &mut Rgb, stream: &mut Stream) -> Option<bool> {
+        let Visit { travel, from, to, beyond } = visit;
+        let facet = self.visible(-*travel, stream.uniform2());
+        let cos = -travel.dot(facet);
+        let reflected = Rgb::from_array(std::array::from_fn(|c| fresnel(cos, from[c], to[c])));
+        if Lobe::take(lobe, reflected, weight, stream) == Lobe::Reflected {
+            *travel = Mirror::reflect(*travel, facet);
+        } else {
+            let channel = Dielectric::channel(*from, *to, weight, stream)?;
+            *travel = Dielectric::refract(*travel, facet, from[channel], to[channel])?;
+            travel.z = -travel.z;
+            *beyond = !*beyond;
+            std::mem::swap(from, to);
+        }
+        Some(travel.z > 0.0 && stream.uniform() < self.unmasked(travel.z))
+    }
+
+    /// What the next facet sends along `leaving`, which is seen from the side of arrival, where the channels have these
+    /// `shares` of the light (Walter et al. 2007, Eqs. 17, 20 and 21).
+    fn sends(&self, visit: &Visit, leaving: DVec3, shares: Rgb) -> Facet {
+        let Visit { from, to, .. } = *visit;
+        let (i, o) = (-visit.travel, visit.turned(leaving));
+        if o.z == 0.0 {
+            return Facet::NONE;
         }
         let passes = self.unmasked(o.z);
-        let reflected =
-            |cos: f64| -> Rgb { Rgb::from_array(std::array::from_fn(|c| fresnel(cos, self.from[c], self.to[c]))) };
         if o.z > 0.0 {
-            let Some(half) = (i + o).try_normalize() else { return none };
+            let Some(half) = (i + o).try_normalize() else { return Facet::NONE };
             let cos = i.dot(half);
-            if cos <= 0.0 {
-                return none;
-            }
             let density = passes * self.visible_density(i, half) / (4.0 * cos);
-            let reflected = reflected(cos);
+            if cos <= 0.0 || density <= 0.0 {
+                return Facet::NONE;
+            }
+            let reflected = Rgb::from_array(std::array::from_fn(|c| fresnel(cos, from[c], to[c])));
             return Facet {
                 value: reflected * density,
                 density: Rgb::splat((shares * reflected).element_sum() * density),
             };
         }
-        let disperses = Dielectric::disperses(self.from, self.to);
-        let mut facet = none;
+        let disperses = Dielectric::disperses(from, to);
+        let mut facet = Facet::NONE;
         for channel in 0..3 {
-            let (from, to) = (self.from[channel], self.to[channel]);
+            let (from, to) = (from[channel], to[channel]);
             if (from - to).abs() < MATCHED {
                 continue;
             }
@@ -151,12 +194,23 @@ impl Rough {
         2.0 / (1.0 + (1.0 + self.alpha * self.alpha * tan2).sqrt())
     }
 
-    /// The density of the normals of facets as seen from `v` above the surface: D G₁ (v·m)/cos θ_v.
+    /// The density of the normals of facets as seen from `v`, above the surface or below it: D (v·m)/σ(v), where
+    /// σ(v) = (z + √(z² + α² sin²θ_v))/2 is the area of all facets as seen from there: z/G₁ from above.
     fn visible_density(&self, v: DVec3, m: DVec3) -> f64 {
+        if m.z <= 0.0 {
+            return 0.0;
+        }
         let a2 = self.alpha * self.alpha;
+        let across = a2 * (v.x * v.x + v.y * v.y);
+        let root = v.z.abs() + (v.z * v.z + across).sqrt();
+        // Without cancellation from below.
+        let area = 0.5 * if v.z >= 0.0 { root } else { across / root };
+        if area <= 0.0 {
+            return 0.0;
+        }
         // (α² − 1) cos² + 1 = α² cos² + sin², without cancellation for small α.
         let spread = a2 * m.z * m.z + (m.x * m.x + m.y * m.y);
-        a2 / (PI * spread * spread) * self.unmasked(v.z) * v.dot(m).max(0.0) / v.z
+        a2 / (PI * spread * spread) * v.dot(m).max(0.0) / area
     }
 
     /// Draws the normal of a facet as seen from `v`, above the surface or below it (Heitz 2018, whose half disc
@@ -187,6 +241,13 @@ mod tests {
 
     fn slanted(sin: f64) -> DVec3 {
         DVec3::new(0.8 * sin, 0.6 * sin, -(1.0 - sin * sin).sqrt())
+    }
+
+    /// What the first facet alone sends.
+    fn facet(boundary: &Rough, direction: DVec3, normal: DVec3, leaving: DVec3) -> Facet {
+        let frame = Frame::around(normal);
+        let visit = boundary.arrive(frame.to_local(direction));
+        boundary.sends(&visit, frame.to_local(leaving), Rgb::splat(1.0 / 3.0))
     }
 
     fn rough(from: f64, to: f64, alpha: f64) -> Rough {
@@ -222,7 +283,7 @@ mod tests {
                 let leaving =
                     boundary.sample(direction, DVec3::Z, None, &mut weight, &mut stream).expect("nothing is lost");
                 assert!((weight - Rgb::ONE).abs().max_element() < 1e-12, "{weight}");
-                if leaving.density > 0.0 {
+                if leaving.facets == 1 {
                     single += 1;
                     let o = leaving.direction;
                     let row = ((0.5 * (o.z + 1.0)) * COS as f64) as usize;
@@ -241,7 +302,7 @@ mod tests {
                         let (s, c) = (TAU * turn).sin_cos();
                         let across = (1.0 - z * z).sqrt();
                         let o = DVec3::new(across * c, across * s, z);
-                        expected += boundary.facet(direction, DVec3::Z, o, Rgb::splat(1.0 / 3.0)).density.x * cell;
+                        expected += facet(&boundary, direction, DVec3::Z, o).density.x * cell;
                     }
                     total += expected;
                     let expected = expected * N as f64;
@@ -257,6 +318,66 @@ mod tests {
             assert!((share - total).abs() < 0.005, "{from} {to} {alpha} {sin}: {share} against {total}");
             let limit = cells as f64 + 5.0 * (2.0 * cells as f64).sqrt();
             assert!(cells > 20 && chi2 < limit, "{from} {to} {alpha} {sin}: χ² {chi2} over {cells} cells");
+        }
+    }
+
+    /// What a light is asked for is what is drawn by chance, from facets after the first; and so is what both give together,
+    /// weighted by their densities.
+    #[test]
+    fn several_facets_send_what_is_drawn() {
+        const N: usize = 2_000_000;
+        const BINS: usize = 8;
+        for (k, (from, to, alpha, sin)) in
+            [(1.0, 1.5, 0.3, 0.97), (1.0, 1.5, 0.9, 0.4), (1.5, 1.0, 0.6, 0.6), (1.0, 1.3, 1.0, 0.99)]
+                .into_iter()
+                .enumerate()
+        {
+            let (boundary, direction) = (rough(from, to, alpha), slanted(sin));
+            let mut stream = random(500 + k as u64);
+            // By cosine: drawn, asked for, and both combined.
+            let mut sums = [[[0.0; 2]; 3]; BINS];
+            for _ in 0..N {
+                let bin = |o: DVec3| ((0.5 * (o.z + 1.0) * BINS as f64) as usize).min(BINS - 1);
+                let mut found = [[0.0; 3]; BINS];
+                let mut weight = Rgb::ONE;
+                let drawn =
+                    boundary.sample(direction, DVec3::Z, None, &mut weight, &mut stream).expect("nothing is lost");
+                let uniform = 0.25 / PI;
+                if drawn.facets > 1 {
+                    found[bin(drawn.direction)][0] += weight.x;
+                    found[bin(drawn.direction)][2] += weight.x * drawn.density / (drawn.density + uniform);
+                }
+                let o = crate::math::sampling::sphere(stream.uniform2());
+                let mut first = true;
+                boundary.facets((direction, DVec3::Z), o, Rgb::ONE, &mut stream, |weight, facet| {
+                    if !std::mem::take(&mut first) {
+                        found[bin(o)][1] += weight.x * facet.value.x / uniform;
+                        found[bin(o)][2] += weight.x * facet.value.x / (facet.density.x + uniform);
+                    }
+                });
+                for (sums, found) in sums.iter_mut().zip(found) {
+                    for (sum, x) in sums.iter_mut().zip(found) {
+                        *sum = [sum[0] + x, sum[1] + x * x];
+                    }
+                }
+            }
+            let n = N as f64;
+            let mut most = 0.0f64;
+            for (row, sums) in sums.iter().enumerate() {
+                let [drawn, asked, both] = sums.map(|[sum, squares]| {
+                    let mean: f64 = sum / n;
+                    (mean, ((squares / n - mean * mean) / n).sqrt())
+                });
+                for (mean, error) in [asked, both] {
+                    let off = (mean - drawn.0).abs();
+                    assert!(
+                        off < 4.0 * error.hypot(drawn.1) + 1e-6,
+                        "{from} {to} {alpha} {sin} {row}: {drawn:?} {mean} ± {error}"
+                    );
+                }
+                most = most.max(drawn.0 / asked.1.hypot(drawn.1));
+            }
+            assert!(most > 50.0, "{from} {to} {alpha} {sin}: known to 1/{most} only");
         }
     }
 
@@ -306,10 +427,9 @@ mod tests {
             let i = crate::math::sampling::sphere(stream.uniform2());
             let o = crate::math::sampling::sphere(stream.uniform2());
             let (boundary, returning) = (if i.z > 0.0 { there } else { back }, if o.z > 0.0 { there } else { back });
-            let even = Rgb::splat(1.0 / 3.0);
             let side = |v: DVec3| if v.z > 0.0 { DVec3::Z } else { -DVec3::Z };
-            let forth = boundary.facet(-i, side(i), o, even).value.x / o.z.abs();
-            let reverse = returning.facet(-o, side(o), i, even).value.x / i.z.abs();
+            let forth = facet(&boundary, -i, side(i), o).value.x / o.z.abs();
+            let reverse = facet(&returning, -o, side(o), i).value.x / i.z.abs();
             let index = |v: DVec3| if v.z > 0.0 { 1.0 } else { 1.5f64 };
             let (a, b) = (forth / index(o).powi(2), reverse / index(i).powi(2));
             assert!((a - b).abs() <= 1e-7 * a.max(b), "{i} {o} {alpha}: {a} {b}");
@@ -335,7 +455,7 @@ mod tests {
                 let leaving =
                     boundary.sample(direction, DVec3::Z, None, &mut weight, &mut stream).expect("nothing is lost");
                 let (cos2, z) = (leaving.direction.z.powi(2), leaving.direction.z);
-                met += u32::from(z < 0.0 && leaving.density == 0.0 && cos2 >= seen.0 && cos2 < seen.1);
+                met += u32::from(z < 0.0 && leaving.facets > 1 && cos2 >= seen.0 && cos2 < seen.1);
             }
             let share = f64::from(met) / N as f64;
             (share * (lit.1 - lit.0) * from * from, share.sqrt() / (N as f64).sqrt() * (lit.1 - lit.0) * from * from)

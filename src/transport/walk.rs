@@ -335,17 +335,24 @@ impl Interaction {
         }
     }
 
-    /// What one facet of a rough boundary sends to an eye of light from `direction`: f |cos θ|, and the density with
-    /// which [`Interaction::scatter_always`] draws that direction. `shares` are the channels' of the path's weight.
-    pub fn facet(&self, rough: &Rough, direction: DVec3, shares: Rgb) -> Facet {
-        let mut facet = rough.facet(self.direction, self.shading_normal, direction, shares);
+    /// What the facets of a rough boundary send to an eye of light from `direction`, f |cos θ|, with weights and densities: see
+    /// [`Rough::facets`].
+    pub fn facets(
+        &self,
+        rough: &Rough,
+        direction: DVec3,
+        weight: Rgb,
+        stream: &mut Stream,
+        mut sent: impl FnMut(Rgb, Facet),
+    ) {
         let through = direction.dot(self.shading_normal) < 0.0;
         if through != (direction.dot(self.normal) < 0.0) {
-            facet.value = Rgb::ZERO;
-        } else if through {
-            facet.value *= (rough.from / rough.to).powf(2.0);
+            return;
         }
-        facet
+        let scale = if through { (rough.from / rough.to).powf(2.0) } else { Rgb::ONE };
+        rough.facets((self.direction, self.shading_normal), direction, weight, stream, |weight, facet| {
+            sent(weight, Facet { value: scale * facet.value, ..facet });
+        });
     }
 
     /// Shading normals break the symmetry of light and eye: |i·s| |o·g| / (|i·g| |o·s|) for photons that arrive
