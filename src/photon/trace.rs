@@ -356,7 +356,7 @@ impl<'s> Flight<'_, 's> {
             if std::mem::take(&mut entering) && !self.enter(&walk, &mut weight, (events, forced, known)) {
                 return;
             }
-            let mut passage = Passage { flight: self, weight, events, forced, known, collision: None };
+            let mut passage = Passage { flight: self, weight, events, forced, known, drawn: None, collision: None };
             let stop = walk.advance(&mut passage);
             weight = passage.weight;
             let collision = passage.collision;
@@ -554,10 +554,21 @@ struct Passage<'p, 'f, 's> {
     events: u64,
     forced: bool,
     known: bool,
+    /// How far it flies, once that is drawn.
+    drawn: Option<f64>,
     collision: Option<(f64, u32)>,
 }
 
 impl Visitor for Passage<'_, '_, '_> {
+    /// Flights through dense media end long before the far side of a solid: they are drawn first.
+    fn farthest(&mut self, medium: u32) -> f64 {
+        let medium = &self.flight.tracer.scene.media[medium as usize];
+        if self.forced || !matches!(medium.density, Density::Uniform) {
+            return f64::INFINITY;
+        }
+        *self.drawn.insert(transport::draw(medium, self.weight, self.flight.stream))
+    }
+
     fn segment(&mut self, segment: &Segment<'_>) -> ControlFlow<()> {
         let scene = self.flight.tracer.scene;
         let medium = &scene.media[segment.medium as usize];
@@ -576,7 +587,11 @@ impl Visitor for Passage<'_, '_, '_> {
             return ControlFlow::Continue(());
         }
         let Flight { stream, chunk, .. } = &mut *self.flight;
-        match transport::fly(medium, segment.ray, range, &mut self.weight, stream, &mut chunk.tally, |_, _| {}) {
+        let collision = match self.drawn.take() {
+            Some(target) => transport::end(medium, segment.ray, range, target, &mut self.weight),
+            None => transport::fly(medium, segment.ray, range, &mut self.weight, stream, &mut chunk.tally, |_, _| {}),
+        };
+        match collision {
             Some(t) => {
                 self.collision = Some((t, segment.medium));
                 ControlFlow::Break(())

@@ -29,6 +29,49 @@ impl Tally {
     }
 }
 
+/// Draws how far light of this weight flies in a medium without voxels, as density integrated along its way: a length
+/// where the density is 1. Infinite if it never collides.
+pub fn draw(medium: &Medium, weight: Rgb, stream: &mut Stream) -> f64 {
+    let sigma = medium.extinction;
+    let length = stream.exponential();
+    let channel = if sigma == Rgb::splat(sigma.x) {
+        sigma.x
+    } else {
+        let w = shares(weight);
+        let u = stream.uniform();
+        if u < w.x {
+            sigma.x
+        } else if u < w.x + w.y {
+            sigma.y
+        } else {
+            sigma.z
+        }
+    };
+    // A channel without extinction never collides.
+    if channel > 0.0 { length / channel } else { f64::INFINITY }
+}
+
+/// Where a flight that [`draw`] drew ends between `a` and `b`, if it does; weights `weight` for either, as [`fly`] says.
+pub fn end(medium: &Medium, ray: &Ray, (a, b): (f64, f64), target: f64, weight: &mut Rgb) -> Option<f64> {
+    let sigma = medium.extinction;
+    let collision = if target.is_finite() { medium.density.advance(ray, a, b, target) } else { None };
+    if sigma == Rgb::splat(sigma.x) {
+        // Both factors are 1.
+        return collision;
+    }
+    let depth = if collision.is_some() { target } else { medium.density.depth(ray, a, b) };
+    let passed = medium.transmittance(depth);
+    let factor = if collision.is_some() { sigma * passed } else { passed };
+    let mean = (shares(*weight) * factor).element_sum();
+    if mean > 0.0 {
+        *weight *= factor / mean;
+    } else {
+        // Passing where the chance of it is 0 in f64.
+        *weight = Rgb::ZERO;
+    }
+    collision
+}
+
 /// Draws where light that enters `medium` at `a` next collides before `b`, and weights `weight` for it:
 /// for a collision by σ_t,c e^{−τ_c}/p̄, for passing through by e^{−τ_c} over its probability, with the
 /// channels mixed by their present shares. The weight's sum stays the same.
@@ -44,40 +87,14 @@ pub fn fly(
     tally: &mut Tally,
     mut emission: impl FnMut(f64, Rgb),
 ) -> Option<f64> {
-    let sigma = medium.extinction;
     let Density::Grid(grid) = &medium.density else {
-        let length = stream.exponential();
-        if sigma == Rgb::splat(sigma.x) {
-            // Both factors are 1.
-            return if sigma.x > 0.0 { medium.density.advance(ray, a, b, length / sigma.x) } else { None };
-        }
-        let w = shares(*weight);
-        let u = stream.uniform();
-        let channel = if u < w.x {
-            sigma.x
-        } else if u < w.x + w.y {
-            sigma.y
-        } else {
-            sigma.z
-        };
-        // A channel without extinction never collides.
-        let target = if channel > 0.0 { length / channel } else { f64::INFINITY };
-        let collision = if target.is_finite() { medium.density.advance(ray, a, b, target) } else { None };
-        let depth = if collision.is_some() { target } else { medium.density.depth(ray, a, b) };
-        let passed = medium.transmittance(depth);
-        let factor = if collision.is_some() { sigma * passed } else { passed };
-        let mean = (w * factor).element_sum();
-        if mean > 0.0 {
-            *weight *= factor / mean;
-        } else {
-            // Passing where the chance of it is 0 in f64.
-            *weight = Rgb::ZERO;
-        }
-        return collision;
+        let target = draw(medium, *weight, stream);
+        return end(medium, ray, (a, b), target, weight);
     };
 
     // Delta tracking under local majorants (Woodcock et al. 1965; per channel as in Kutz et al. 2017). Where they
     // promise long work, the density itself is the majorant: its depth is known cell by cell.
+    let sigma = medium.extinction;
     let largest = sigma.max_element();
     let mut collision = None;
     let mut target = stream.exponential();

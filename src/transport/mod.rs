@@ -7,7 +7,7 @@ mod light;
 mod roulette;
 mod walk;
 
-pub use flight::{Forced, Tally, flight_density, fly, force, pass};
+pub use flight::{Forced, Tally, draw, end, flight_density, fly, force, pass};
 pub use glow::{Ember, Glows, Rival};
 pub use light::{light_density, transmit, transmit_straight};
 pub use roulette::{endures, survive};

@@ -55,6 +55,11 @@ pub struct Crossing<'a> {
 
 /// What wants to know what a walk passes.
 pub trait Visitor {
+    /// How far light gets from here at most in a medium (an index into [`Scene::media`]), if that is known beforehand: surfaces
+    /// beyond are not looked for. Where it is finite, the next segment begins here, and light does not pass that point on it.
+    fn farthest(&mut self, _medium: u32) -> f64 {
+        f64::INFINITY
+    }
     /// Passes through a medium; may end the walk inside.
     fn segment(&mut self, segment: &Segment<'_>) -> ControlFlow<()>;
     /// Meets a surface that shines.
@@ -157,7 +162,12 @@ impl<'s> Walk<'s> {
             (self.t, self.crossed) = (self.clear, self.clear);
         }
         loop {
-            self.scene.geometry.intersect(&self.ray, self.crossed, self.limit, &mut self.cluster);
+            let medium = self.scene.medium(&self.inside).filter(|&m| !self.scene.media[m as usize].is_clear());
+            let farthest = medium.filter(|_| !self.starts).map_or(f64::INFINITY, |medium| visitor.farthest(medium));
+            let reached = self.t + farthest;
+            // Surfaces that coincide with one within reach are looked for, too.
+            let limit = self.limit.min(reached + 2.0 * error_bound(&self.ray, reached));
+            self.scene.geometry.intersect(&self.ray, self.crossed, limit, &mut self.cluster);
             if std::mem::take(&mut self.starts) {
                 self.crossed = 0.0;
                 let here = error_bound(&self.ray, 0.0);
@@ -168,17 +178,19 @@ impl<'s> Walk<'s> {
                 }
             }
             let met = self.cluster.nearest().map(|hit| hit.t);
-            let end = met.map_or(self.limit, |t| t.max(self.t));
-            if let Some(medium) = self.scene.medium(&self.inside)
-                && !self.scene.media[medium as usize].is_clear()
-            {
+            let end = met.map_or(limit, |t| t.max(self.t));
+            if let Some(medium) = medium {
                 let segment = Segment { ray: &self.ray, a: self.t, b: end, medium, inside: &self.inside };
                 if visitor.segment(&segment).is_break() {
                     return Stop::Ended;
                 }
             }
             if met.is_none() {
-                return Stop::Escaped;
+                if limit >= self.limit {
+                    return Stop::Escaped;
+                }
+                (self.t, self.crossed) = (end, end.next_down());
+                continue;
             }
             for hit in self.cluster.hits() {
                 if let Some(light) = self.scene.surfaces[hit.id as usize].light {
