@@ -67,7 +67,9 @@ const RARE: f64 = 0.01;
 /// A map expected to hold more than this many times its target thins itself.
 const CROWDED: f64 = 1.5;
 /// Photons of one walk through a deep medium lie near one another, and many of them are hardly more than one. So more are
-/// emitted, and about one is kept of each walk; but this takes no more than so many times the emissions,
+/// emitted, and about one is kept of each walk, as in other media where walks leave more than this many each;
+const MANY: f64 = 8.0;
+/// but this takes no more than so many times the emissions,
 const MOST_MORE: f64 = 8.0;
 /// and no more than so many collisions for each photon kept: beyond, tracing would cost more than all the rest.
 const MOST_COLLISIONS: f64 = 32.0;
@@ -105,7 +107,8 @@ pub fn trace(
         let chunks = tracer.run(pass, Purpose::Pilot, (0..count, count), &|_, _| {}, stop);
         let collided: u64 = chunks.iter().map(|chunk| chunk.collided).sum();
         let stored: usize = chunks.iter().map(|chunk| chunk.photons.len()).sum();
-        (collided as f64 / count as f64, stored, surplus(&chunks, count))
+        let deep = tracer.deep.iter().any(Option::is_some);
+        (collided as f64 / count as f64, stored, surplus(&chunks, count, deep))
     };
     let mut piloted = PILOTS[0];
     let (mut collided, mut stored, mut surplus) = pilot(&tracer, piloted);
@@ -154,7 +157,6 @@ pub fn trace(
         return Traced { emitted: piloted, forced: tracer.forced, ..empty() };
     }
     let share = stored as f64 / piloted as f64;
-    let surplus = if deep { surplus } else { 1.0 };
     let crowded = if surplus > 1.0 { 1.0 } else { CROWDED };
     let wanted = (pass.target as f64 / share * surplus).ceil().max(1.0) as u64;
     let emitted = wanted.max(FEWEST).min(pass.max_emitted);
@@ -190,12 +192,15 @@ fn typical(mut powers: Vec<f64>) -> Option<f64> {
     (!powers.is_empty()).then(|| *powers.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
-/// How many times more photons to emit than are needed to fill the map: see [`MOST_MORE`].
-fn surplus(chunks: &[Chunk], emitted: u64) -> f64 {
+/// How many times more photons to emit than are needed to fill the map: see [`MANY`]. `deep`: some medium is.
+fn surplus(chunks: &[Chunk], emitted: u64, deep: bool) -> f64 {
     let stored: usize = chunks.iter().map(|chunk| chunk.photons.len()).sum();
     let storing: u64 = chunks.iter().map(|chunk| chunk.storing).sum();
     let collisions: u64 = chunks.iter().map(|chunk| chunk.collisions).sum();
     let correlated = stored as f64 / storing.max(1) as f64;
+    if !deep && correlated < MANY {
+        return 1.0;
+    }
     let affordable = MOST_COLLISIONS * stored as f64 / (collisions as f64 + EMISSION * emitted as f64);
     correlated.min(affordable).clamp(1.0, MOST_MORE)
 }
