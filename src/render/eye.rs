@@ -107,14 +107,15 @@ pub const SAFETY_STOP: u64 = 1_000_000_000;
 /// Samples of more radiance than this would leave the range of images, which are `f32`: dropped and counted.
 const BRIGHTEST: f64 = 1e30;
 
-/// Eye weights below this are thinned by roulette where photons are gathered.
+/// Eye paths that carry less than this of a pixel's light are thinned by roulette where photons are gathered; it is also the least
+/// that splits at rough boundaries.
 const FAINT: f64 = 0.25;
 
 /// The same before the first diffuse surface. A path that goes on through stone gathers nearly as much behind the first
 /// petal as in it: with the limit above, roulette there was two thirds of the squared error of a rose of marble.
 const FAINT_SPECULAR: f64 = 0.1;
 
-/// The same, in clear places: a ray through clear glass costs little. What leaves little to chance there is
+/// The same before the first diffuse surface, where nothing scatters: a ray through clear glass costs little. What leaves little to chance there is
 /// what it may meet: a lamp is hundreds of times brighter than what is around it.
 const FAINT_CLEAR: f64 = 0.002;
 
@@ -250,6 +251,12 @@ impl Claim {
     }
 }
 
+/// How much of a pixel's light a path of this weight carries in a medium of this index, at most: radiance is larger there by
+/// the square, which it loses on its way out.
+fn matters(weight: Rgb, index: Rgb) -> f64 {
+    weight.max_element() * index.max_element().powi(2)
+}
+
 /// Drops radiance that is not finite or beyond what images hold.
 fn check(radiances: &mut [Rgb], tally: &mut Tally) {
     for radiance in radiances {
@@ -362,37 +369,43 @@ impl<'s> Eye<'s> {
             }
             self.light_surface(path, at, lambert.value(), sample, context);
         }
+        let lesser = self.splits(path, at);
         if let Reflection::Rough(rough) = at.reflection {
-            self.light_rough(path, at, &rough, sample, context);
+            self.light_rough(path, at, (&rough, lesser.is_some()), sample, context);
         }
         context.stream.spread(Spread::Direction);
-        if !self.splits(path, at) {
-            return self.scatter(walk, path, at, None, context.stream);
+        let Some(lesser) = lesser else { return self.scatter(walk, path, at, None, context.stream) };
+        // The greater part goes on here: so one waits for another only as often as light can be halved.
+        let mut other = (walk.clone(), path.clone());
+        if self.scatter(&mut other.0, &mut other.1, at, Some(lesser), context.stream) {
+            self.follow(other.0, other.1, false, sample, context);
         }
-        let mut reflected = (walk.clone(), path.clone());
-        if self.scatter(&mut reflected.0, &mut reflected.1, at, Some(Lobe::Reflected), context.stream) {
-            self.follow(reflected.0, reflected.1, false, sample, context);
-        }
-        self.scatter(walk, path, at, Some(Lobe::Refracted), context.stream)
+        self.scatter(walk, path, at, Some(lesser.other()), context.stream)
     }
 
-    /// Whether a path reflects *and* refracts: else a pixel's samples would see now the light of a medium, now what its
-    /// boundary mirrors, which is most of their noise where that light is gathered from photons. Paths that collide by
-    /// chance are noisier than that.
-    fn splits(&self, path: &Path, at: &Interaction) -> bool {
+    /// Whether a path reflects *and* refracts, and which is the lesser part as a rule. Else a pixel's samples would see now the
+    /// light of a medium, now what its boundary mirrors, which is most of their noise where that light is gathered from
+    /// photons. Paths that collide by chance are noisier than that.
+    fn splits(&self, path: &Path, at: &Interaction) -> Option<Lobe> {
         if !self.has_photons() {
-            return false;
+            return None;
         }
-        let early = path.events <= SPLITS && path.weight.max_element() >= FAINT;
+        let early = || {
+            let from = match at.reflection {
+                Reflection::Dielectric(from, _) => from,
+                Reflection::Rough(rough) => rough.from,
+                Reflection::Lambert(_) | Reflection::Mirror(_) => return None,
+            };
+            (path.events <= SPLITS && matters(path.weight, from) >= FAINT).then_some(Lobe::Reflected)
+        };
         match at.reflection {
             Reflection::Dielectric(from, to) if !path.diffuse => {
                 let (_, reflected) = at.reflected((from, to));
-                let lesser = path.weight * reflected.min(Rgb::ONE - reflected);
-                // Radiance is larger by the square of the index, which it loses on its way out.
-                lesser.max_element() * from.max_element().powi(2) > LESSER
+                let [back, through] = [reflected, Rgb::ONE - reflected].map(|part| matters(path.weight * part, from));
+                let lesser = if back < through { Lobe::Reflected } else { Lobe::Refracted };
+                (back.min(through) > LESSER).then_some(lesser)
             }
-            Reflection::Dielectric(..) | Reflection::Rough(_) => early,
-            Reflection::Lambert(_) | Reflection::Mirror(_) => false,
+            _ => early(),
         }
     }
 
@@ -422,9 +435,8 @@ impl<'s> Eye<'s> {
 
     /// Roulette for paths that matter little: survivors carry the weight of the others.
     fn outlives(&self, path: &mut Path, inside: &Inside, stream: &mut Stream) -> bool {
-        let weight = path.weight.max_element();
         let chance = if self.has_photons() {
-            let index = self.scene.index(inside).max_element();
+            let index = self.scene.index(inside);
             let gathers =
                 || self.scene.medium(inside).is_some_and(|medium| self.scene.media[medium as usize].scatters());
             let faint = match path.diffuse {
@@ -432,10 +444,9 @@ impl<'s> Eye<'s> {
                 false if gathers() => FAINT_SPECULAR,
                 false => FAINT_CLEAR,
             };
-            // As in `splits`.
-            weight * index * index / faint
+            matters(path.weight, index) / faint
         } else {
-            weight / FAINT_PATH
+            path.weight.max_element() / FAINT_PATH
         };
         if chance >= 1.0 {
             return true;
@@ -501,12 +512,13 @@ impl<'s> Eye<'s> {
         sample.radiance[path.component(true) as usize] += weight;
     }
 
-    /// Light straight from a light, reflected or refracted by the facets of a rough boundary.
+    /// Light straight from a light, reflected or refracted by the facets of a rough boundary; `both` says whether both lobes are
+    /// followed then.
     fn light_rough(
         &self,
         path: &Path,
         at: &Interaction,
-        rough: &Rough,
+        (rough, both): (&Rough, bool),
         sample: &mut Sample,
         context: &mut Context<'_>,
     ) {
@@ -517,9 +529,9 @@ impl<'s> Eye<'s> {
         let Some(arrival) = light.arrive(&self.scene.geometry, at.point, context.stream) else { return };
         let asked = choice * arrival.density;
         let mut weight = Rgb::ZERO;
-        at.facets(rough, arrival.direction, path.weight, context.stream, |before, facet| {
+        at.facets(rough, arrival.direction, both, path.weight, context.stream, |arriving, facet| {
             let by_chance = if arrival.has_size { facet.density } else { Rgb::ZERO };
-            weight += before * facet.value * arrival.radiance / (by_chance + asked);
+            weight += arriving * facet.value * arrival.radiance / (by_chance + asked);
         });
         if weight.max_element() <= 0.0 {
             return;

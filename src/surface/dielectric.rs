@@ -19,6 +19,14 @@ pub enum Lobe {
 }
 
 impl Lobe {
+    /// The other one.
+    pub fn other(self) -> Lobe {
+        match self {
+            Lobe::Reflected => Lobe::Refracted,
+            Lobe::Refracted => Lobe::Reflected,
+        }
+    }
+
     /// Which light takes that meets a facet: `given`, or drawn by the channels' shares of `weight`. `reflected` is the
     /// part of each channel that is reflected; `weight` is weighted for it.
     pub fn take(given: Option<Lobe>, reflected: Rgb, weight: &mut Rgb, stream: &mut Stream) -> Lobe {

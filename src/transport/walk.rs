@@ -334,17 +334,22 @@ impl Interaction {
             Reflection::Rough(rough) => {
                 let leaving = rough.sample(self.direction, self.shading_normal, lobe, weight, stream)?;
                 let direction = leaving.direction;
-                let through = direction.dot(self.shading_normal) < 0.0;
-                if through != (direction.dot(self.normal) < 0.0) {
-                    return None;
-                }
+                let scale = self.radiance_scale(&rough, direction)?;
                 *weight *= self.adjoint(side, self.shading_normal, direction);
-                if through && side == Side::Eye {
-                    *weight *= (rough.from / rough.to).powf(2.0);
+                if side == Side::Eye {
+                    *weight *= scale;
                 }
                 Some(Onward { direction, density: leaving.density })
             }
         }
+    }
+
+    /// By what the radiance of an eye path is multiplied that a rough boundary sends along `direction`: (η₁/η₂)² if that is
+    /// through it. `None` where the normals do not agree which side that is.
+    fn radiance_scale(&self, rough: &Rough, direction: DVec3) -> Option<Rgb> {
+        let through = direction.dot(self.shading_normal) < 0.0;
+        let ratio = if through { rough.from / rough.to } else { Rgb::ONE };
+        (through == (direction.dot(self.normal) < 0.0)).then_some(ratio * ratio)
     }
 
     /// What the facets of a rough boundary send to an eye of light from `direction`, f |cos θ|, with weights and densities: see
@@ -353,16 +358,13 @@ impl Interaction {
         &self,
         rough: &Rough,
         direction: DVec3,
+        both: bool,
         weight: Rgb,
         stream: &mut Stream,
         mut sent: impl FnMut(Rgb, Facet),
     ) {
-        let through = direction.dot(self.shading_normal) < 0.0;
-        if through != (direction.dot(self.normal) < 0.0) {
-            return;
-        }
-        let scale = if through { (rough.from / rough.to).powf(2.0) } else { Rgb::ONE };
-        rough.facets((self.direction, self.shading_normal), direction, weight, stream, |weight, facet| {
+        let Some(scale) = self.radiance_scale(rough, direction) else { return };
+        rough.facets((self.direction, self.shading_normal), direction, both, weight, stream, |weight, facet| {
             sent(weight, Facet { value: scale * facet.value, ..facet });
         });
     }
