@@ -67,7 +67,7 @@ const RARE: f64 = 0.01;
 /// A map expected to hold more than this many times its target thins itself.
 const CROWDED: f64 = 1.5;
 /// Photons of one walk through a deep medium lie near one another, and many of them are hardly more than one. So more are
-/// emitted, and about one is kept of each walk, as in other media where walks leave more than this many each;
+/// emitted, and about one is kept of each walk, as in solids of uneven density where walks leave more than this many each;
 const MANY: f64 = 8.0;
 /// but this takes no more than so many times the emissions,
 const MOST_MORE: f64 = 8.0;
@@ -102,13 +102,21 @@ pub fn trace(
         return empty();
     }
 
+    let uneven = |medium: u32| !matches!(scene.media[medium as usize].density, Density::Uniform);
+    let many = if tracer.deep.iter().any(Option::is_some) {
+        0.0
+    } else if scene.solids.iter().filter_map(|solid| solid.medium).any(uneven) {
+        MANY
+    } else {
+        f64::INFINITY
+    };
+
     // How many to emit is settled beforehand: a count that depends on the photons themselves is biased.
     let pilot = |tracer: &Tracer, count: u64| {
         let chunks = tracer.run(pass, Purpose::Pilot, (0..count, count), &|_, _| {}, stop);
         let collided: u64 = chunks.iter().map(|chunk| chunk.collided).sum();
         let stored: usize = chunks.iter().map(|chunk| chunk.photons.len()).sum();
-        let deep = tracer.deep.iter().any(Option::is_some);
-        (collided as f64 / count as f64, stored, surplus(&chunks, count, deep))
+        (collided as f64 / count as f64, stored, surplus(&chunks, count, many))
     };
     let mut piloted = PILOTS[0];
     let (mut collided, mut stored, mut surplus) = pilot(&tracer, piloted);
@@ -192,13 +200,13 @@ fn typical(mut powers: Vec<f64>) -> Option<f64> {
     (!powers.is_empty()).then(|| *powers.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
-/// How many times more photons to emit than are needed to fill the map: see [`MANY`]. `deep`: some medium is.
-fn surplus(chunks: &[Chunk], emitted: u64, deep: bool) -> f64 {
+/// How many times more photons to emit than are needed to fill the map, if walks leave more than `many` each: see [`MANY`].
+fn surplus(chunks: &[Chunk], emitted: u64, many: f64) -> f64 {
     let stored: usize = chunks.iter().map(|chunk| chunk.photons.len()).sum();
     let storing: u64 = chunks.iter().map(|chunk| chunk.storing).sum();
     let collisions: u64 = chunks.iter().map(|chunk| chunk.collisions).sum();
     let correlated = stored as f64 / storing.max(1) as f64;
-    if !deep && correlated < MANY {
+    if correlated < many {
         return 1.0;
     }
     let affordable = MOST_COLLISIONS * stored as f64 / (collisions as f64 + EMISSION * emitted as f64);

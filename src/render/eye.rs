@@ -107,16 +107,16 @@ pub const SAFETY_STOP: u64 = 1_000_000_000;
 /// Samples of more radiance than this would leave the range of images, which are `f32`: dropped and counted.
 const BRIGHTEST: f64 = 1e30;
 
-/// Eye paths that carry less than this of a pixel's light are thinned by roulette where photons are gathered; it is also the least
-/// that splits at rough boundaries.
+/// Eye paths that carry less than this of a pixel's light are thinned by roulette where photons are gathered; it is also
+/// the least that splits at rough boundaries.
 const FAINT: f64 = 0.25;
 
 /// The same before the first diffuse surface. A path that goes on through stone gathers nearly as much behind the first
 /// petal as in it: with the limit above, roulette there was two thirds of the squared error of a rose of marble.
 const FAINT_SPECULAR: f64 = 0.1;
 
-/// The same before the first diffuse surface, where nothing scatters: a ray through clear glass costs little. What leaves little to chance there is
-/// what it may meet: a lamp is hundreds of times brighter than what is around it.
+/// The same before the first diffuse surface, where nothing scatters: a ray through clear glass costs little, and what is
+/// left to chance there may be a lamp, hundreds of times brighter than what is around it.
 const FAINT_CLEAR: f64 = 0.002;
 
 /// The same for paths. Roulette at every event instead, by albedo, took 1.7 times the time for the same error in a

@@ -186,7 +186,7 @@ impl Rough {
                 continue;
             }
             let refracted = Rgb::ONE - reflected(cos);
-            let all = if both { (shares * refracted).element_sum() } else { 1.0 };
+            let all = if both { (shares * refracted).element_sum().max(f64::MIN_POSITIVE) } else { 1.0 };
             // Where the channels part, one is drawn.
             let chance = match (disperses, both) {
                 (true, _) => shares[channel] * refracted[channel] / all,
