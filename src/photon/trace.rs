@@ -103,7 +103,8 @@ pub fn trace(
     }
 
     let uneven = |medium: u32| !matches!(scene.media[medium as usize].density, Density::Uniform);
-    let many = if tracer.deep.iter().any(Option::is_some) {
+    let deep = tracer.deep.iter().any(Option::is_some);
+    let many = if deep {
         0.0
     } else if scene.solids.iter().filter_map(|solid| solid.medium).any(uneven) {
         MANY
@@ -127,7 +128,6 @@ pub fn trace(
         tracer.typical = typical(powers().map(|power| f64::from(power.element_sum())).collect());
         (collided, stored, surplus) = pilot(&tracer, piloted);
     }
-    let deep = tracer.deep.iter().any(Option::is_some);
     if deep {
         let entering = |tracer: &Tracer| -> Vec<(u32, f64)> {
             let chunks = tracer.run(pass, Purpose::Pilot, (0..piloted, piloted), &|_, _| {}, stop);

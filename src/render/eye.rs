@@ -390,14 +390,8 @@ impl<'s> Eye<'s> {
         if !self.has_photons() {
             return None;
         }
-        let early = || {
-            let from = match at.reflection {
-                Reflection::Dielectric(from, _) => from,
-                Reflection::Rough(rough) => rough.from,
-                Reflection::Lambert(_) | Reflection::Mirror(_) => return None,
-            };
-            (path.events <= SPLITS && matters(path.weight, from) >= FAINT).then_some(Lobe::Reflected)
-        };
+        let early =
+            |from: Rgb| (path.events <= SPLITS && matters(path.weight, from) >= FAINT).then_some(Lobe::Reflected);
         match at.reflection {
             Reflection::Dielectric(from, to) if !path.diffuse => {
                 let (_, reflected) = at.reflected((from, to));
@@ -405,7 +399,9 @@ impl<'s> Eye<'s> {
                 let lesser = if back < through { Lobe::Reflected } else { Lobe::Refracted };
                 (back.min(through) > LESSER).then_some(lesser)
             }
-            _ => early(),
+            Reflection::Dielectric(from, _) => early(from),
+            Reflection::Rough(rough) => early(rough.from),
+            Reflection::Lambert(_) | Reflection::Mirror(_) => None,
         }
     }
 

@@ -102,6 +102,11 @@ pub fn fresnel(cos: f64, from: f64, to: f64) -> f64 {
     0.5 * (parallel * parallel + perpendicular * perpendicular)
 }
 
+/// [`fresnel`] for each channel.
+pub fn reflectance(cos: f64, from: Rgb, to: Rgb) -> Rgb {
+    Rgb::from_array(std::array::from_fn(|c| fresnel(cos, from[c], to[c])))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -5,7 +5,7 @@ mod lambert;
 mod mirror;
 mod rough;
 
-pub use dielectric::{Dielectric, Lobe, fresnel};
+pub use dielectric::{Dielectric, Lobe, fresnel, reflectance};
 pub use lambert::Lambert;
 pub use mirror::Mirror;
 pub use rough::{Facet, Leaving, Rough};

@@ -1,6 +1,6 @@
 use std::f64::consts::{PI, TAU};
 
-use super::{Dielectric, Lobe, Mirror, fresnel};
+use super::{Dielectric, Lobe, Mirror, reflectance};
 use crate::math::{DVec3, Frame, Rgb, Stream, shares};
 
 /// A rough boundary between two indices of refraction, met from one side: mirror-like facets, each of which
@@ -133,8 +133,7 @@ impl Rough {
         let Visit { travel, from, to, beyond } = visit;
         let facet = self.visible(-*travel, stream.uniform2());
         let cos = -travel.dot(facet);
-        let reflected = Rgb::from_array(std::array::from_fn(|c| fresnel(cos, from[c], to[c])));
-        if Lobe::take(lobe, reflected, weight, stream) == Lobe::Reflected {
+        if Lobe::take(lobe, reflectance(cos, *from, *to), weight, stream) == Lobe::Reflected {
             *travel = Mirror::reflect(*travel, facet);
         } else {
             let channel = Dielectric::channel(*from, *to, weight, stream)?;
@@ -155,7 +154,6 @@ impl Rough {
             return Facet::NONE;
         }
         let passes = self.unmasked(o.z);
-        let reflected = |cos: f64| Rgb::from_array(std::array::from_fn(|c| fresnel(cos, from[c], to[c])));
         if o.z > 0.0 {
             let Some(half) = (i + o).try_normalize() else { return Facet::NONE };
             let cos = i.dot(half);
@@ -163,7 +161,7 @@ impl Rough {
             if cos <= 0.0 || density <= 0.0 || !density.is_finite() {
                 return Facet::NONE;
             }
-            let reflected = reflected(cos);
+            let reflected = reflectance(cos, from, to);
             let chance = if both { 1.0 } else { (shares * reflected).element_sum() };
             return Facet { value: reflected * density, density: Rgb::splat(chance * density) };
         }
@@ -185,11 +183,13 @@ impl Rough {
             if density <= 0.0 || !density.is_finite() {
                 continue;
             }
-            let refracted = Rgb::ONE - reflected(cos);
-            let all = if both { (shares * refracted).element_sum().max(f64::MIN_POSITIVE) } else { 1.0 };
+            let refracted = Rgb::ONE - reflectance(cos, visit.from, visit.to);
             // Where the channels part, one is drawn.
             let chance = match (disperses, both) {
-                (true, _) => shares[channel] * refracted[channel] / all,
+                (true, true) => {
+                    shares[channel] * refracted[channel] / (shares * refracted).element_sum().max(f64::MIN_POSITIVE)
+                }
+                (true, false) => shares[channel] * refracted[channel],
                 (false, true) => 1.0,
                 (false, false) => refracted[channel],
             };

@@ -6,7 +6,7 @@ use super::roulette::survive;
 use crate::geometry::{Cluster, Hit};
 use crate::math::{DVec3, Ray, Rgb, Stream, error_bound};
 use crate::scene::{Inside, Scene};
-use crate::surface::{Dielectric, Facet, Lambert, Lobe, Material, Mirror, Rough, fresnel};
+use crate::surface::{Dielectric, Facet, Lambert, Lobe, Material, Mirror, Rough, reflectance};
 
 /// A photon or an eye path on its way.
 #[derive(Clone)]
@@ -189,6 +189,7 @@ impl<'s> Walk<'s> {
                 if limit >= self.limit {
                     return Stop::Escaped;
                 }
+                // By rounding only.
                 (self.t, self.crossed) = (end, end.next_down());
                 continue;
             }
@@ -390,7 +391,7 @@ impl Interaction {
     pub fn reflected(&self, (from, to): (Rgb, Rgb)) -> (DVec3, Rgb) {
         let normal = self.specular_normal(|normal| Some(Mirror::reflect(self.direction, normal)), true);
         let cos = -self.direction.dot(normal);
-        (normal, Rgb::from_array(std::array::from_fn(|c| fresnel(cos, from[c], to[c]))))
+        (normal, reflectance(cos, from, to))
     }
 
     fn refract(
