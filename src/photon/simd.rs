@@ -1,5 +1,6 @@
-//! Sixteen lanes of `f32`: one AVX-512 register, two AVX2 registers, or an array. Which one is
-//! chosen at run time, once for a map; kernels are written once, generic over [`Lanes`].
+//! Sixteen lanes of `f32`: one AVX-512 register, two AVX2 registers, four SSE2 registers, or an array where the
+//! processor is of another kind. Which one is chosen at run time, once for a map; kernels are written once, generic
+//! over [`Lanes`].
 //!
 //! A kernel is a [`Task`]. [`Isa::run`] instantiates it inside a function compiled for the chosen
 //! instruction set, into which everything marked `#[inline(always)]` here is inlined.
@@ -72,6 +73,9 @@ impl Isa {
             // SAFETY: as above.
             #[cfg(target_arch = "x86_64")]
             Isa::Avx2 => unsafe { run_avx2(task) },
+            #[cfg(target_arch = "x86_64")]
+            Isa::Portable => task.run::<x86::Sse2>(),
+            #[cfg(not(target_arch = "x86_64"))]
             Isa::Portable => task.run::<Portable>(),
         }
     }
@@ -158,6 +162,9 @@ const EXP2: [f32; 6] =
 /// Below this, 2^x is taken as 2^this: the smallest normal number.
 const EXP2_MIN: f32 = -126.0;
 
+/// 1.5·2²³: added and subtracted again, it rounds to the nearest integer, which stands in the last bits of the sum.
+const ROUND: f32 = 12_582_912.0;
+
 /// `2^f` for `|f| ≤ ½`.
 #[inline(always)]
 fn exp2_fraction<L: Lanes>(f: L) -> L {
@@ -220,10 +227,12 @@ pub(crate) fn prefetch_at<T>(address: *const T) {
     let _ = address;
 }
 
-/// Lanes as an array.
+/// Lanes as an array. Kernels on x86-64 have registers instead: to compile them for arrays, too, took three minutes.
+#[cfg(any(test, not(target_arch = "x86_64")))]
 #[derive(Clone, Copy)]
 pub(crate) struct Portable([f32; LANES]);
 
+#[cfg(any(test, not(target_arch = "x86_64")))]
 impl Portable {
     #[inline(always)]
     fn zip(self, b: Self, f: impl Fn(f32, f32) -> f32) -> Self {
@@ -244,6 +253,7 @@ impl Portable {
     }
 }
 
+#[cfg(any(test, not(target_arch = "x86_64")))]
 impl Lanes for Portable {
     type Mask = u16;
 
@@ -306,8 +316,6 @@ impl Lanes for Portable {
     }
     #[inline(always)]
     fn exp2(self) -> Self {
-        // Adding and subtracting 1.5·2²³ rounds to the nearest integer without a function call.
-        const ROUND: f32 = 12_582_912.0;
         let x = self.max(Self::splat(EXP2_MIN));
         let shifted = x.add(Self::splat(ROUND));
         let n = shifted.sub(Self::splat(ROUND));
@@ -385,7 +393,7 @@ mod x86 {
     // SAFETY, for every `unsafe` in this module: the functions are reached only through
     // `Isa::run`, inlined into a function compiled for the features their intrinsics need; loads
     // and stores go through references to whole rows, whose alignment is 64 bytes.
-    use super::{EXP2_MIN, LANES, Lanes, Row, exp2_fraction};
+    use super::{EXP2_MIN, LANES, Lanes, ROUND, Row, compress_scalar, exp2_fraction};
     use std::arch::x86_64::*;
 
     const NEAREST: i32 = _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC;
@@ -752,6 +760,266 @@ mod x86 {
                 let second = _mm256_permutevar8x32_epi32(_mm256_loadu_si256(second), packing(high));
                 _mm256_storeu_si256(out.as_mut_ptr().cast(), first);
                 _mm256_storeu_si256(out.as_mut_ptr().add(low.count_ones() as usize).cast(), second);
+            }
+        }
+    }
+
+    /// Lanes in four registers, of the instructions that every x86-64 has.
+    #[derive(Clone, Copy)]
+    pub(crate) struct Sse2([__m128; 4]);
+
+    impl Sse2 {
+        #[inline(always)]
+        fn zip(self, b: Self, f: impl Fn(__m128, __m128) -> __m128) -> Self {
+            let ([x0, x1, x2, x3], [y0, y1, y2, y3]) = (self.0, b.0);
+            Sse2([f(x0, y0), f(x1, y1), f(x2, y2), f(x3, y3)])
+        }
+
+        #[inline(always)]
+        fn row(self) -> [f32; LANES] {
+            let mut row = Row([0.0; LANES]);
+            self.store(&mut row);
+            row.0
+        }
+    }
+
+    impl Lanes for Sse2 {
+        /// All bits of a lane are set or clear.
+        type Mask = Sse2;
+
+        #[inline(always)]
+        fn splat(x: f32) -> Self {
+            // SAFETY: SSE2 is part of x86-64.
+            Sse2([unsafe { _mm_set1_ps(x) }; 4])
+        }
+        #[inline(always)]
+        fn load(row: &Row) -> Self {
+            let start = row.0.as_ptr();
+            // SAFETY: a row holds sixteen numbers, aligned.
+            unsafe {
+                Sse2([
+                    _mm_load_ps(start),
+                    _mm_load_ps(start.add(4)),
+                    _mm_load_ps(start.add(8)),
+                    _mm_load_ps(start.add(12)),
+                ])
+            }
+        }
+        #[inline(always)]
+        fn load_front(values: &[f32]) -> Self {
+            let Some(values) = values.first_chunk::<LANES>() else { return Self::splat(0.0) };
+            let start = values.as_ptr();
+            // SAFETY: sixteen numbers lie there, aligned or not.
+            unsafe {
+                Sse2([
+                    _mm_loadu_ps(start),
+                    _mm_loadu_ps(start.add(4)),
+                    _mm_loadu_ps(start.add(8)),
+                    _mm_loadu_ps(start.add(12)),
+                ])
+            }
+        }
+        #[inline(always)]
+        fn store(self, row: &mut Row) {
+            let start = row.0.as_mut_ptr();
+            let [a, b, c, d] = self.0;
+            // SAFETY: a row holds sixteen numbers, aligned.
+            unsafe {
+                _mm_store_ps(start, a);
+                _mm_store_ps(start.add(4), b);
+                _mm_store_ps(start.add(8), c);
+                _mm_store_ps(start.add(12), d);
+            }
+        }
+        #[inline(always)]
+        fn add(self, b: Self) -> Self {
+            // SAFETY: SSE2 is part of x86-64.
+            self.zip(b, |x, y| unsafe { _mm_add_ps(x, y) })
+        }
+        #[inline(always)]
+        fn sub(self, b: Self) -> Self {
+            // SAFETY: SSE2 is part of x86-64.
+            self.zip(b, |x, y| unsafe { _mm_sub_ps(x, y) })
+        }
+        #[inline(always)]
+        fn mul(self, b: Self) -> Self {
+            // SAFETY: SSE2 is part of x86-64.
+            self.zip(b, |x, y| unsafe { _mm_mul_ps(x, y) })
+        }
+        #[inline(always)]
+        fn div(self, b: Self) -> Self {
+            // SAFETY: SSE2 is part of x86-64.
+            self.zip(b, |x, y| unsafe { _mm_div_ps(x, y) })
+        }
+        #[inline(always)]
+        fn min(self, b: Self) -> Self {
+            // SAFETY: SSE2 is part of x86-64.
+            self.zip(b, |x, y| unsafe { _mm_min_ps(x, y) })
+        }
+        #[inline(always)]
+        fn max(self, b: Self) -> Self {
+            // SAFETY: SSE2 is part of x86-64.
+            self.zip(b, |x, y| unsafe { _mm_max_ps(x, y) })
+        }
+        // Not fused: SSE2 has no such instruction.
+        #[inline(always)]
+        fn mul_add(self, b: Self, c: Self) -> Self {
+            self.mul(b).add(c)
+        }
+        #[inline(always)]
+        fn neg_mul_add(self, b: Self, c: Self) -> Self {
+            c.sub(self.mul(b))
+        }
+        #[inline(always)]
+        fn sqrt(self) -> Self {
+            // SAFETY: SSE2 is part of x86-64.
+            self.zip(self, |x, _| unsafe { _mm_sqrt_ps(x) })
+        }
+        #[inline(always)]
+        fn rsqrt(self) -> Self {
+            Self::splat(1.0).div(self.sqrt())
+        }
+        #[inline(always)]
+        fn exp2(self) -> Self {
+            let x = self.max(Self::splat(EXP2_MIN));
+            let shifted = x.add(Self::splat(ROUND));
+            let n = shifted.sub(Self::splat(ROUND));
+            exp2_fraction(x.sub(n)).zip(shifted, |p, s| {
+                // Bits of `ROUND` above the integer's are shifted out.
+                // SAFETY: SSE2 is part of x86-64.
+                unsafe {
+                    let exponent = _mm_slli_epi32::<23>(_mm_castps_si128(s));
+                    _mm_castsi128_ps(_mm_add_epi32(_mm_castps_si128(p), exponent))
+                }
+            })
+        }
+        #[inline(always)]
+        fn less(self, b: Self) -> Sse2 {
+            // SAFETY: SSE2 is part of x86-64.
+            self.zip(b, |x, y| unsafe { _mm_cmplt_ps(x, y) })
+        }
+        #[inline(always)]
+        fn less_equal(self, b: Self) -> Sse2 {
+            // SAFETY: SSE2 is part of x86-64.
+            self.zip(b, |x, y| unsafe { _mm_cmple_ps(x, y) })
+        }
+        #[inline(always)]
+        fn and(a: Sse2, b: Sse2) -> Sse2 {
+            // SAFETY: SSE2 is part of x86-64.
+            a.zip(b, |x, y| unsafe { _mm_and_ps(x, y) })
+        }
+        #[inline(always)]
+        fn bits(mask: Sse2) -> u16 {
+            // SAFETY: SSE2 is part of x86-64.
+            let [a, b, c, d] = mask.0.map(|lanes| unsafe { _mm_movemask_ps(lanes) });
+            (a | b << 4 | c << 8 | d << 12) as u16
+        }
+        #[inline(always)]
+        fn mask(bits: u16) -> Sse2 {
+            // SAFETY: SSE2 is part of x86-64.
+            let four = |bits: i32| unsafe {
+                let lanes = _mm_setr_epi32(1, 2, 4, 8);
+                _mm_castsi128_ps(_mm_cmpeq_epi32(_mm_and_si128(_mm_set1_epi32(bits), lanes), lanes))
+            };
+            let bits = i32::from(bits);
+            Sse2([four(bits), four(bits >> 4), four(bits >> 8), four(bits >> 12)])
+        }
+        #[inline(always)]
+        fn select(self, mask: Sse2, other: Self) -> Self {
+            // SAFETY: SSE2 is part of x86-64.
+            let rest = other.zip(mask, |x, m| unsafe { _mm_andnot_ps(m, x) });
+            // SAFETY: SSE2 is part of x86-64.
+            self.keep(mask).zip(rest, |x, y| unsafe { _mm_or_ps(x, y) })
+        }
+        #[inline(always)]
+        fn keep(self, mask: Sse2) -> Self {
+            // SAFETY: SSE2 is part of x86-64.
+            self.zip(mask, |x, m| unsafe { _mm_and_ps(x, m) })
+        }
+        #[inline(always)]
+        fn sum(self) -> f32 {
+            self.row().iter().sum()
+        }
+        #[inline(always)]
+        fn largest(self) -> f32 {
+            self.row().iter().fold(f32::NEG_INFINITY, |a, &b| a.max(b))
+        }
+        #[inline(always)]
+        fn compress(self, bits: u16, out: &mut [f32; LANES]) {
+            compress_scalar(&self.row(), bits, out);
+        }
+        #[inline(always)]
+        fn compress_indices(values: &[u32; LANES], bits: u16, out: &mut [u32; LANES]) {
+            compress_scalar(values, bits, out);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What every operation makes of rows of numbers.
+    struct Operations<'a>(&'a [Row; 3]);
+
+    impl Task for Operations<'_> {
+        type Output = Vec<[f32; LANES]>;
+
+        #[inline(always)]
+        fn run<L: Lanes>(self) -> Self::Output {
+            let [a, b, c] = load3::<L>(self.0);
+            let (less, at_most) = (a.less(b), a.less_equal(b));
+            let mut packed = [[0.0; LANES]; 2];
+            a.compress(L::bits(less), &mut packed[0]);
+            let mut indices = [0; LANES];
+            L::compress_indices(&std::array::from_fn(|lane| lane as u32), L::bits(at_most), &mut indices);
+            packed[1] = indices.map(|index| index as f32);
+            for (row, mask) in packed.iter_mut().zip([less, at_most]) {
+                // What lies behind the packed lanes may be anything.
+                row[L::bits(mask).count_ones() as usize..].fill(0.0);
+            }
+            let made = [
+                a.add(b),
+                a.sub(b),
+                a.mul(b),
+                a.div(b),
+                a.min(b),
+                a.max(b),
+                a.mul_add(b, c),
+                a.neg_mul_add(b, c),
+                b.sqrt(),
+                b.rsqrt(),
+                a.exp2(),
+                a.select(less, b),
+                a.keep(at_most),
+                a.keep(L::and(L::mask(0x9a5c), at_most)),
+                L::splat(a.sum()),
+                L::splat(a.largest()),
+                L::load_front(&self.0[1].0),
+            ];
+            let rows = made.map(|lanes| {
+                let mut row = Row([0.0; LANES]);
+                lanes.store(&mut row);
+                row.0
+            });
+            rows.into_iter().chain(packed).collect()
+        }
+    }
+
+    /// All instruction sets agree with arrays to a few roundings, ties, infinities and small numbers included.
+    #[test]
+    fn instruction_sets_compute_the_same() {
+        let a = std::array::from_fn(|lane| [-130.0, -3.5, 0.5, 1e-30, 7.25, 100.0, 0.0, -0.125][lane % 8]);
+        let b = std::array::from_fn(|lane| [2.0, 3.5, 0.5, 1e30, 0.25, f32::INFINITY, 9.0][lane % 7]);
+        let c = std::array::from_fn(|lane| lane as f32 - 8.0);
+        let rows = [Row(a), Row(b), Row(c)];
+        let expected = Operations(&rows).run::<Portable>();
+        for isa in Isa::available() {
+            for (number, (found, expected)) in isa.run(Operations(&rows)).iter().zip(&expected).enumerate() {
+                for (x, y) in found.iter().zip(expected) {
+                    let close = (x - y).abs() <= 1e-6 * y.abs() + 1e-36;
+                    assert!(close || x == y || (x.is_nan() && y.is_nan()), "{isa:?}, operation {number}: {x} {y}");
+                }
             }
         }
     }
