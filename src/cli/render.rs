@@ -20,7 +20,7 @@ use crate::medium::density::Density;
 use crate::render::checkpoint::Subject;
 use crate::render::{self, Checkpoint, End, Film, Limits, Rendering, Stats};
 use crate::scene::description::Description;
-use crate::scene::{self, Scene};
+use crate::scene::{self, Scene, Settings};
 use crate::{Error, Result};
 
 #[derive(Args)]
@@ -99,10 +99,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 
     let stop = super::stop_on_signal()?;
     let pool = super::pool(arguments.threads)?;
-    let (description, scene) = pool.install(|| -> Result<(Description, Scene)> {
+    let (description, scene, settings) = pool.install(|| -> Result<(Description, Scene, Settings)> {
         let description = scene::read(&arguments.scene, &overrides)?;
-        let scene = scene::build(&description)?;
-        Ok((description, scene))
+        let (scene, settings) = scene::build(&description)?;
+        Ok((description, scene, settings))
     })?;
     let load = start.elapsed().as_secs_f64();
     if !arguments.quiet {
@@ -115,9 +115,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     let mut start_from = None;
     if before.is_some() || arguments.checkpoint.is_some() {
-        let subject = Subject::new(&description, limits.parts(&scene, render::volume_photons(&scene))?);
+        let subject =
+            Subject::new(&description, limits.parts(&scene, &settings, render::volume_photons(&scene, &settings))?);
         if let Some((path, before)) = before {
-            start_from = Some(continued(path, before, &subject, scene.render.seed)?);
+            start_from = Some(continued(path, before, &subject, settings.render.seed)?);
         }
         if let Some(path) = &arguments.checkpoint {
             watch.checkpoint(path.clone(), subject);
@@ -126,9 +127,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     #[cfg(feature = "tev")]
     if let Some(address) = &arguments.tev {
         let name = description.path.display().to_string();
-        watch.viewer(Viewer::new(address, &name, (scene.film.width, scene.film.height))?);
+        watch.viewer(Viewer::new(address, &name, (settings.film.width, settings.film.height))?);
     }
-    let rendering = pool.install(|| render::refine(&scene, &limits, start_from, &watch, &stop))?;
+    let rendering = pool.install(|| render::refine(&scene, &settings, &limits, start_from, &watch, &stop))?;
     let kept = watch.finish(&rendering.film, &rendering.stats);
     let total = start.elapsed().as_secs_f64();
     if !arguments.quiet {

@@ -193,7 +193,8 @@ impl<'r> Context<'r> {
             self.watch.begins("photons");
             let mut base = self.base.clone();
             base.render.method = Method::Photon;
-            self.photons = Some(SharedPhotons::trace(&scene::build(&base)?, &self.watch, self.stop)?);
+            let (scene, settings) = scene::build(&base)?;
+            self.photons = Some(SharedPhotons::trace(&scene, &settings, &self.watch, self.stop)?);
         }
         self.photons.as_ref().ok_or(Error::Interrupted)
     }
@@ -437,11 +438,12 @@ impl Comparison<'_> {
         context.watch.begins(&format!("{name}, seed {seed}"));
         let start = Instant::now();
         let fresh = context.describe(name, &variant.set)?;
-        let mut scene = scene::build(&fresh)?;
-        scene.render.seed = seed;
+        let (scene, mut settings) = scene::build(&fresh)?;
+        settings.render.seed = seed;
         let loading_seconds = start.elapsed().as_secs_f64();
         let peak = machine::forget_peak();
-        let mut lab = Lab::new(scene, context.shared(), context.request.components()?, context.watch, context.stop)?;
+        let mut lab =
+            Lab::new((scene, settings), context.shared(), context.request.components()?, context.watch, context.stop)?;
         let mut measuring =
             Measuring { comparison: self, found, seed, warnings: Vec::new(), stats: None, shots: Vec::new() };
         let ended = match variant.tune {
@@ -698,7 +700,7 @@ impl Measuring<'_> {
         time: f64,
     ) -> Result<Option<(Arc<meter::Snapshot>, results::Tuned)>> {
         let samples = match self.found.variant.asked.samples.as_slice() {
-            [] => vec![lab.scene.render.samples],
+            [] => vec![lab.settings.render.samples],
             several => several.to_vec(),
         };
         let held = self.comparison.standard(self.found);
@@ -745,7 +747,7 @@ fn statistics(lab: &Lab<'_>, stats: Option<crate::render::Stats>, peak_bytes: Op
         (stats.emitted, stats.volume, stats.radii) = (map.emitted, map.volume, map.radii);
         (stats.map_bytes, stats.build_seconds) = (map.map_bytes, map.build_seconds);
     }
-    let pixels = f64::from(lab.scene.film.width) * f64::from(lab.scene.film.height);
+    let pixels = f64::from(lab.settings.film.width) * f64::from(lab.settings.film.height);
     let queries = stats.gather.queries as f64;
     Statistics {
         passes: stats.passes,

@@ -122,13 +122,13 @@ fn make(
         return Ok((Standard { image: picture.image, error: Some(error) }, made));
     }
 
-    let scene = scene::build(&description)?;
+    let built = scene::build(&description)?;
     context.watch.begins(&match variant {
         Some(variant) => format!("{variant}: limit with {} samples", request.limit_samples),
         None => format!("reference to {} %", 100.0 * request.reference_error),
     });
     let photons = variant.and(context.shared());
-    let mut lab = Lab::new(scene, photons, request.components()?, context.watch, context.stop)?;
+    let mut lab = Lab::new(built, photons, request.components()?, context.watch, context.stop)?;
     let limits = Limits { resumable: true, shown: lab.limits().shown, ..limits.clone() };
     // An interrupted one goes on.
     let begun = store.read::<String>(&format!("{part}.json")).is_some_and(|begun| begun == digest);

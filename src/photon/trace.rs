@@ -13,7 +13,9 @@ use crate::medium::Medium;
 use crate::medium::density::Density;
 use crate::scene::Scene;
 use crate::scene::description::SingleScattering;
-use crate::transport::{self, Crossing, Interaction, Reflection, Segment, Side, Stop, Tally, Visitor, Walk, survive};
+use crate::transport::{
+    self, Crossing, Events, Interaction, Reflection, Segment, Side, Stop, Tally, Visitor, Walk, survive,
+};
 
 /// What a photon pass should do.
 #[derive(Clone, Copy, Debug)]
@@ -26,6 +28,10 @@ pub struct Pass {
     pub target: u64,
     /// At most this many are emitted.
     pub max_emitted: u64,
+    /// How many events light may have on its way to the eye, with the one there that makes it turn to the eye.
+    pub max_events: Events,
+    /// Who finds light that a medium scatters straight from a light: what is asked for is not stored.
+    pub single_scattering: SingleScattering,
 }
 
 /// What a photon pass found.
@@ -96,7 +102,7 @@ pub fn trace(
 ) -> Traced {
     let sources = Sources::new(scene);
     let mut tracer =
-        Tracer { scene, sources, deep: deep(scene), typical: None, portion: None, forced: false, keep: 1.0 };
+        Tracer { scene, pass, sources, deep: deep(scene), typical: None, portion: None, forced: false, keep: 1.0 };
     let empty = || Traced { regions: vec![Vec::new(); scene.regions as usize], ..Traced::default() };
     if tracer.sources.is_empty() || !scene.media.iter().any(|medium| medium.scatters()) {
         return empty();
@@ -114,7 +120,7 @@ pub fn trace(
 
     // How many to emit is settled beforehand: a count that depends on the photons themselves is biased.
     let pilot = |tracer: &Tracer, count: u64| {
-        let chunks = tracer.run(pass, Purpose::Pilot, (0..count, count), &|_, _| {}, stop);
+        let chunks = tracer.run(Purpose::Pilot, (0..count, count), &|_, _| {}, stop);
         let collided: u64 = chunks.iter().map(|chunk| chunk.collided).sum();
         let stored: usize = chunks.iter().map(|chunk| chunk.photons.len()).sum();
         (collided as f64 / count as f64, stored, surplus(&chunks, count, many))
@@ -123,14 +129,14 @@ pub fn trace(
     let (mut collided, mut stored, mut surplus) = pilot(&tracer, piloted);
     if collided < SELDOM {
         tracer.sources.aim();
-        let chunks = tracer.run(pass, Purpose::Pilot, (0..piloted, piloted), &|_, _| {}, stop);
+        let chunks = tracer.run(Purpose::Pilot, (0..piloted, piloted), &|_, _| {}, stop);
         let powers = || chunks.iter().flat_map(|chunk| chunk.photons.iter().map(|(_, photon)| photon.power));
         tracer.typical = typical(powers().map(|power| f64::from(power.element_sum())).collect());
         (collided, stored, surplus) = pilot(&tracer, piloted);
     }
     if deep {
         let entering = |tracer: &Tracer| -> Vec<(u32, f64)> {
-            let chunks = tracer.run(pass, Purpose::Pilot, (0..piloted, piloted), &|_, _| {}, stop);
+            let chunks = tracer.run(Purpose::Pilot, (0..piloted, piloted), &|_, _| {}, stop);
             chunks.into_iter().flat_map(|chunk| chunk.entering).collect()
         };
         tracer.sources.even_out(&entering(&tracer));
@@ -150,8 +156,8 @@ pub fn trace(
             }
         }
     }
-    let single = scene.volume.single_scattering;
-    if single != SingleScattering::Photons {
+    let asked = pass.single_scattering.asks_lights();
+    if asked {
         // What is left to shadow rays may be nearly all.
         for count in PILOTS {
             if stored >= TELLING || count <= piloted || stop() {
@@ -161,7 +167,7 @@ pub fn trace(
             (collided, stored, surplus) = pilot(&tracer, count);
         }
     }
-    if collided == 0.0 || (stored == 0 && single != SingleScattering::Photons) || stop() {
+    if collided == 0.0 || (stored == 0 && asked) || stop() {
         return Traced { emitted: piloted, forced: tracer.forced, ..empty() };
     }
     let share = stored as f64 / piloted as f64;
@@ -178,7 +184,7 @@ pub fn trace(
     let part = emitted.div_ceil(PARTS).next_multiple_of(CHUNK).max(LEAST_PART);
     for first in (0..emitted).step_by(part as usize) {
         let range = first..(first + part).min(emitted);
-        for chunk in tracer.run(pass, Purpose::Photon, (range, emitted), progress, stop) {
+        for chunk in tracer.run(Purpose::Photon, (range, emitted), progress, stop) {
             traced.emitted += chunk.emitted;
             traced.tally = traced.tally.merge(chunk.tally);
             for (region, photon) in chunk.photons {
@@ -244,6 +250,7 @@ const DEEPEST: f64 = 8.0;
 
 struct Tracer<'s> {
     scene: &'s Scene,
+    pass: &'s Pass,
     sources: Sources<'s>,
     /// By medium, how deep a length is; `None` where all photons are kept.
     deep: Vec<Option<f64>>,
@@ -273,7 +280,6 @@ impl Tracer<'_> {
     /// Traces the emissions of a range, of those that there are in all.
     fn run(
         &self,
-        pass: &Pass,
         purpose: Purpose,
         (range, emitted): (Range<u64>, u64),
         progress: &(impl Fn(u64, u64) + Sync),
@@ -292,7 +298,7 @@ impl Tracer<'_> {
                     if photon % 16 == 0 && stop() {
                         return Chunk::default();
                     }
-                    let mut stream = Stream::new(pass.seed, purpose, photon, pass.index);
+                    let mut stream = Stream::new(self.pass.seed, purpose, photon, self.pass.index);
                     self.emit(&mut stream, &mut chunk);
                 }
                 chunk.emitted = count;
@@ -319,7 +325,7 @@ impl Tracer<'_> {
             collided: false,
             unasked: 0,
         };
-        let known = start.from_light && self.scene.volume.single_scattering != SingleScattering::Photons;
+        let known = start.from_light && self.pass.single_scattering.asks_lights();
         flight.follow(Walk::start(self.scene, start.ray, start.inside), start.power, 0, self.forced, known);
         while let Some(Split { walk, weight, events, forced, known }) = flight.split.pop() {
             flight.follow(walk, weight, events, forced, known);
@@ -351,13 +357,6 @@ struct Split<'s> {
     events: u64,
     forced: bool,
     known: bool,
-}
-
-impl Tracer<'_> {
-    /// Whether shadow rays go straight on through refracting boundaries.
-    fn straight_on(&self) -> bool {
-        self.scene.volume.single_scattering == SingleScattering::Approximate
-    }
 }
 
 impl<'s> Flight<'_, 's> {
@@ -402,7 +401,7 @@ impl<'s> Flight<'_, 's> {
                     }
                     let refracted =
                         matches!(at.reflection, Reflection::Dielectric(..)) && direction.dot(at.normal) < 0.0;
-                    known &= refracted && self.tracer.straight_on();
+                    known &= refracted && self.tracer.pass.single_scattering.goes_straight_on();
                     walk.leave(at, direction);
                     entering = true;
                     let specular = matches!(at.reflection, Reflection::Dielectric(..) | Reflection::Mirror(_));
@@ -483,8 +482,7 @@ impl<'s> Flight<'_, 's> {
 
     /// Whether a photon of so many events may still scatter towards the eye.
     fn may_store(&self, events: u64) -> bool {
-        let most = self.tracer.scene.render.max_depth as u64;
-        most == 0 || events < most
+        self.tracer.pass.max_events.allows(events)
     }
 
     /// Stores the photon, unless its light is `known` otherwise, and scatters it. Returns whether it goes on.

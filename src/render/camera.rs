@@ -41,6 +41,11 @@ impl Camera {
         }
     }
 
+    /// The pixels across and down.
+    pub fn size(&self) -> (u32, u32) {
+        (self.width as u32, self.height as u32)
+    }
+
     /// A ray through pixel (x, y), row 0 on top.
     pub fn ray(&self, x: u32, y: u32, stream: &mut Stream) -> Ray {
         stream.spread(Spread::Film);

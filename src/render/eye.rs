@@ -19,7 +19,7 @@ use crate::scene::description::SingleScattering;
 use crate::scene::{Inside, Scene};
 use crate::surface::{Lobe, Rough};
 use crate::transport::{
-    self, Crossing, Ember, Glows, Interaction, Reflection, Rival, Segment, Side, Stop, Tally, Visitor, Walk,
+    self, Crossing, Ember, Events, Glows, Interaction, Reflection, Rival, Segment, Side, Stop, Tally, Visitor, Walk,
     light_density, transmit, transmit_straight,
 };
 
@@ -135,12 +135,24 @@ const SPLITS: u64 = 3;
 /// little beside the queries of a path.
 const EMBERS: u32 = 4;
 
+/// What an eye is told beside the scene.
+#[derive(Clone, Copy)]
+pub struct EyeSettings<'s> {
+    /// How media are dealt with.
+    pub mode: Mode<'s>,
+    /// How many events a path may have between light and eye.
+    pub max_events: Events,
+    /// Who finds light that a medium scatters straight from a light, where all other comes from photons.
+    pub single_scattering: SingleScattering,
+    /// How rays are marched through each medium where lights are asked for that light; `None`: they are not, and one place
+    /// is enough.
+    pub marchers: Option<&'s [Marcher]>,
+}
+
 /// Computes radiance along rays.
 pub struct Eye<'s> {
     scene: &'s Scene,
-    mode: Mode<'s>,
-    /// How rays are marched through each medium for light scattered once, if they are.
-    traced: Option<&'s [Marcher]>,
+    settings: EyeSettings<'s>,
     glows: Glows<'s>,
 }
 
@@ -268,22 +280,21 @@ fn check(radiances: &mut [Rgb], tally: &mut Tally) {
 }
 
 impl<'s> Eye<'s> {
-    /// An eye in a scene. `traced` tells how rays are marched through each medium where light scattered once is
-    /// traced; `None`: they are not, and one place is enough.
-    pub fn new(scene: &'s Scene, mode: Mode<'s>, traced: Option<&'s [Marcher]>) -> Self {
-        Eye { scene, mode, traced, glows: Glows::new(scene) }
+    /// An eye in a scene.
+    pub fn new(scene: &'s Scene, settings: EyeSettings<'s>) -> Self {
+        Eye { scene, settings, glows: Glows::new(scene) }
     }
 
     /// How it deals with media.
     pub fn mode(&self) -> Mode<'s> {
-        self.mode
+        self.settings.mode
     }
 
     /// What is seen along `ray`, which starts inside these solids.
     pub fn look(&self, ray: Ray, inside: Inside, context: &mut Context<'_>) -> Sample {
         let mut sample = Sample::default();
         let path = Path { weight: Rgb::ONE, events: 0, first: None, diffuse: false, previous: Previous::Specular };
-        let split = matches!(self.mode, Mode::Split);
+        let split = matches!(self.settings.mode, Mode::Split);
         self.follow(Walk::start(self.scene, ray, inside), path, split, &mut sample, context);
         check(&mut sample.radiance, context.tally);
         sample
@@ -291,8 +302,7 @@ impl<'s> Eye<'s> {
 
     /// Whether a path of `events` events may have one more.
     fn may_go_on(&self, events: u64) -> bool {
-        let most = self.scene.render.max_depth as u64;
-        most == 0 || events < most
+        self.settings.max_events.allows(events)
     }
 
     fn follow(&self, mut walk: Walk<'s>, mut path: Path, split: bool, sample: &mut Sample, context: &mut Context<'_>) {
@@ -426,7 +436,7 @@ impl<'s> Eye<'s> {
 
     /// Whether light in media comes from photons.
     fn has_photons(&self) -> bool {
-        matches!(self.mode, Mode::Gather(_) | Mode::March(_))
+        matches!(self.settings.mode, Mode::Gather(_) | Mode::March(_))
     }
 
     /// Roulette for paths that matter little: survivors carry the weight of the others.
@@ -626,7 +636,7 @@ impl<'s> Eye<'s> {
 
     /// Whether light to a medium goes straight on through refracting boundaries.
     fn straight_on(&self) -> bool {
-        self.has_photons() && self.scene.volume.single_scattering == SingleScattering::Approximate
+        self.settings.single_scattering.goes_straight_on()
     }
 
     /// What passes from a light to a collision, the last of a path's events.
@@ -640,10 +650,7 @@ impl<'s> Eye<'s> {
         stream: &mut Stream,
     ) {
         if self.straight_on() {
-            let most = match self.scene.render.max_depth as u64 {
-                0 => u64::MAX,
-                most => most.saturating_sub(events),
-            };
+            let most = self.settings.max_events.left_after(events).unwrap_or(Events::at_most(0));
             transmit_straight(self.scene, ray, inside, distance, most, weight, stream);
         } else {
             transmit(self.scene, ray, inside, distance, weight, stream);
@@ -711,11 +718,11 @@ impl Visitor for Passage<'_, '_, '_> {
     fn segment(&mut self, segment: &Segment<'_>) -> ControlFlow<()> {
         let scene = self.eye.scene;
         let medium = &scene.media[segment.medium as usize];
-        if let Mode::Gather(maps) = self.eye.mode {
+        if let Mode::Gather(maps) = self.eye.settings.mode {
             self.gather(maps, segment, medium);
             return ControlFlow::Continue(());
         }
-        if let Mode::March(maps) = self.eye.mode {
+        if let Mode::March(maps) = self.eye.settings.mode {
             self.march(maps, segment, medium);
             return ControlFlow::Continue(());
         }
@@ -818,9 +825,9 @@ impl Passage<'_, '_, '_> {
     /// Light of a segment that no photon brings: what the medium emits and, if it is traced, what is scattered once.
     fn light_itself(&mut self, segment: &Segment<'_>, medium: &Medium) {
         self.glow(segment, medium);
-        let traces = self.eye.scene.volume.single_scattering != SingleScattering::Photons;
-        if traces && medium.scatters() && self.eye.may_go_on(self.path.events) {
-            let marcher = self.eye.traced.map(|marchers| marchers[segment.medium as usize]);
+        let asks = self.eye.settings.single_scattering.asks_lights();
+        if asks && medium.scatters() && self.eye.may_go_on(self.path.events) {
+            let marcher = self.eye.settings.marchers.map(|marchers| marchers[segment.medium as usize]);
             match marcher.zip(medium.density.support().clip(segment.ray, segment.a, segment.b)) {
                 Some((marcher, (a, b))) if b.is_finite() => self.march_single(segment, medium, &marcher, (a, b)),
                 _ => self.trace_single(segment, medium),
@@ -832,18 +839,17 @@ impl Passage<'_, '_, '_> {
     fn reach(&self, segment: &Segment<'_>) -> (Reach, bool) {
         let scene = self.eye.scene;
         // A photon's events, this scattering and those on the eye's side.
-        let most = scene.render.max_depth as u64;
-        let allowed = most.checked_sub(self.path.events + 1);
+        let left = self.eye.settings.max_events.left_after(self.path.events + 1);
         let reach = Reach {
             ray: *segment.ray,
             a: segment.a,
             b: segment.b,
             medium: segment.medium,
             region: scene.region(segment.inside),
-            max_events: if most == 0 { u8::MAX } else { allowed.map_or(0, |events| events.min(255) as u8) },
+            max_events: left.map_or(0, Events::in_a_byte),
             from_camera: self.path.events == 0,
         };
-        (reach, most == 0 || allowed.is_some())
+        (reach, left.is_some())
     }
 
     /// Where light goes that a medium scattered once on its way to the path, and all other.

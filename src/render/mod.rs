@@ -16,7 +16,7 @@ mod tile;
 pub use camera::Camera;
 pub use checkpoint::Checkpoint;
 pub use done::Done;
-pub use eye::{Claim, Component, Context, Eye, Mode, Sample};
+pub use eye::{Claim, Component, Context, Eye, EyeSettings, Mode, Sample};
 pub use film::{Film, Layers, Sums};
 pub use limits::Limits;
 pub use pass::{End, Progress, Rendering, Silent, Stats, narrowing, refine, render};

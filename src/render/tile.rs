@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use super::camera::Camera;
-use super::eye::{Claim, Context, Eye, Mode};
+use super::eye::{Claim, Context, Eye, EyeSettings, Mode};
 use super::film::Sums;
 use super::pass::{Clock, Progress, Renderer};
 use super::plan::Plan;
@@ -45,11 +45,17 @@ struct Round<'r, 's> {
 impl<P: Progress> Renderer<'_, P> {
     /// Samples all pixels, in rounds, the first of them short, so that an interrupted image is whole.
     pub(super) fn expose(&mut self, mode: Mode<'_>, pass: u32) {
-        let (width, height) = (self.scene.film.width, self.scene.film.height);
+        let (width, height) = self.camera.size();
         let tiles = width.div_ceil(TILE) * height.div_ceil(TILE);
         self.progress.phase("render", tiles as u64 * self.plan.samples as u64);
         let traced = self.plan.traced.clone();
-        let eye = Eye::new(self.scene, mode, traced.as_deref());
+        let settings = EyeSettings {
+            mode,
+            max_events: self.plan.max_events,
+            single_scattering: self.plan.single_scattering,
+            marchers: traced.as_deref(),
+        };
+        let eye = Eye::new(self.scene, settings);
         let mut from = 0;
         while from < self.plan.samples && !self.stopped() {
             let most = if pass == 0 { self.progress.round(from).clamp(1, ROUND) } else { ROUND };
@@ -101,7 +107,7 @@ impl Round<'_, '_> {
 
     /// Samples the pixels of a tile.
     fn tile(&self, tile: u32, queue: &mut Queue<Claim>) -> Tile {
-        let (width, height) = (self.scene.film.width, self.scene.film.height);
+        let (width, height) = self.camera.size();
         let columns = width.div_ceil(TILE);
         let (x0, y0) = (tile % columns * TILE, tile / columns * TILE);
         let mut done = Tile { sums: Vec::new(), gathered: GatherStats::default(), tally: Tally::default() };
@@ -133,11 +139,11 @@ impl Round<'_, '_> {
 
     fn pixel(&self, (x, y): (u32, u32), queue: &mut Queue<Claim>, done: &mut Tile) {
         let Round { scene, camera, plan, eye, pass, .. } = self;
-        let pixel = y as u64 * scene.film.width as u64 + x as u64;
+        let pixel = y as u64 * camera.size().0 as u64 + x as u64;
         let mut sum = Sums::default();
         for sample in self.samples.clone() {
             let number = *pass as u64 * plan.samples as u64 + sample as u64;
-            let mut stream = Stream::of_sample(scene.render.seed, pixel, number, (*pass, sample));
+            let mut stream = Stream::of_sample(plan.seed, pixel, number, (*pass, sample));
             let ray = camera.ray(x, y, &mut stream);
             let inside = plan.inside.clone().unwrap_or_else(|| scene.inside(ray.origin));
             let index = done.sums.len() as u32;

@@ -5,9 +5,9 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::Glow;
 use super::description::{self as said, Description, LightKind, Located, MaterialKind, ShapeKind, Strength};
 use super::world::{Scene, Solid, Surface};
+use super::{Glow, Settings};
 use crate::geometry::{Cuboid, Cylinder, Disk, Geometry, Lathe, Mesh, Placed, Quad, Shape, Sphere};
 use crate::image;
 use crate::light::{self, Area, Cone, Directional, Environment, Light, Point, Profile, Sides, Spot, Surroundings};
@@ -20,16 +20,16 @@ use crate::medium::{Emission, Medium};
 use crate::surface::{Dielectric, Lambert, Material, Mirror};
 use crate::{Error, Result};
 
-/// Loads and builds a scene.
+/// Loads and builds a scene. With it come the settings that its file gives for the picture.
 ///
 /// # Errors
 /// [`Error::Scene`], with its place, for files that cannot be used, for solids whose mesh is not closed, and
 /// for scenes without a steady state.
-pub fn build(description: &Description) -> Result<Scene> {
+pub fn build(description: &Description) -> Result<(Scene, Settings)> {
     let mut builder = Builder::new(description);
     builder.place_shapes()?;
     builder.place_lights()?;
-    builder.finish()
+    Ok((builder.finish()?, Settings::of(description)))
 }
 
 /// What a placed shape will be.
@@ -514,11 +514,7 @@ impl<'d> Builder<'d> {
         }
 
         let mut scene = Scene {
-            film: description.film.clone(),
             camera,
-            render: description.render.clone(),
-            photons: description.photons.clone(),
-            volume: description.volume.clone(),
             geometry,
             surfaces,
             solids,

@@ -753,8 +753,20 @@ pub enum SingleScattering {
     Photons,
     /// By rays to the lights, through index-matched boundaries.
     Traced,
-    /// The same, straight through refracting boundaries too.
+    /// By rays to the lights that go straight on, through refracting boundaries, too.
     Approximate,
+}
+
+impl SingleScattering {
+    /// Whether rays to the lights ask for this light, so that photons must not bring it as well.
+    pub fn asks_lights(self) -> bool {
+        self != SingleScattering::Photons
+    }
+
+    /// Whether these rays go straight on through refracting boundaries, which in truth turn them.
+    pub fn goes_straight_on(self) -> bool {
+        self == SingleScattering::Approximate
+    }
 }
 
 /// How wide photons are.

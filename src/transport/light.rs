@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 
 use smallvec::SmallVec;
 
+use super::events::Events;
 use super::flight::pass;
 use super::walk::{Crossing, Reflection, Segment, Stop, Visitor, Walk};
 use crate::light::Light;
@@ -56,7 +57,7 @@ pub fn transmit(scene: &Scene, ray: Ray, inside: &Inside, distance: f64, weight:
     }
 }
 
-/// As [`transmit`], and straight on through up to `most` refracting boundaries (Jensen 2001, §10.8.2), each of which
+/// As [`transmit`], and straight on through `most` refracting boundaries (Jensen 2001, §10.8.2), each of which
 /// lets 1 − F of the light pass. Before one beyond which the index is lower, refracted light would have gone another
 /// way through the medium: its length takes the place of the straight one (Eq. 10.31).
 pub fn transmit_straight(
@@ -64,7 +65,7 @@ pub fn transmit_straight(
     ray: Ray,
     inside: &Inside,
     distance: f64,
-    most: u64,
+    most: Events,
     weight: &mut Rgb,
     stream: &mut Stream,
 ) {
@@ -84,11 +85,11 @@ pub fn transmit_straight(
                 *weight = Rgb::ZERO;
                 return;
             };
-            if left == 0 {
+            let Some(fewer) = left.left_after(1) else {
                 *weight = Rgb::ZERO;
                 return;
-            }
-            left -= 1;
+            };
+            left = fewer;
             let cos = at.normal.dot(ray.direction).abs();
             for channel in 0..3 {
                 let (here, beyond) = (here[channel], beyond[channel]);
