@@ -17,7 +17,7 @@ use crate::medium::density::bricks::{BrickGrid, Interpolation, NegativePolicy};
 use crate::medium::density::{Density, Exponential, Grid, Noise, npy, vdb};
 use crate::medium::phase::{HenyeyGreenstein, Isotropic, Mixture, Phase, Rayleigh, Schlick, mie};
 use crate::medium::{Emission, Medium};
-use crate::surface::{Dielectric, Lambert, Material, Mirror};
+use crate::surface::{Bsdf, Dielectric, Lambert, Material, Mirror};
 use crate::{Error, Result};
 
 /// Loads and builds a scene. With it come the settings that its file gives for the picture.
@@ -385,7 +385,7 @@ impl<'d> Builder<'d> {
     fn place_lights(&mut self) -> Result<()> {
         let description = self.description;
         for said in &description.lights {
-            let black = Material::Lambert(Lambert { reflectance: Rgb::ZERO });
+            let black = Material::Opaque(Bsdf::Lambert(Lambert { reflectance: Rgb::ZERO }));
             let fail = |error: Error| said.place.error(error);
             match &said.kind {
                 LightKind::Point { position, intensity, radius } => {
@@ -550,8 +550,8 @@ fn read_environment(path: &Path) -> Result<image::Image> {
 
 fn material(kind: &MaterialKind) -> Material {
     match kind {
-        MaterialKind::Lambert { reflectance } => Material::Lambert(Lambert { reflectance: *reflectance }),
-        MaterialKind::Mirror { reflectance } => Material::Mirror(Mirror { reflectance: *reflectance }),
+        MaterialKind::Lambert { reflectance } => Material::Opaque(Bsdf::Lambert(Lambert { reflectance: *reflectance })),
+        MaterialKind::Mirror { reflectance } => Material::Opaque(Bsdf::Mirror(Mirror { reflectance: *reflectance })),
         MaterialKind::Dielectric { ior, roughness } => {
             Material::Dielectric(Dielectric { index: *ior, roughness: *roughness })
         }

@@ -35,6 +35,11 @@ impl Density {
         }
     }
 
+    /// Whether ρ is the same everywhere.
+    pub fn is_even(&self) -> bool {
+        matches!(self, Density::Uniform)
+    }
+
     /// The largest ρ anywhere.
     pub fn max(&self) -> f64 {
         match self {
