@@ -5,12 +5,11 @@ use std::ops::ControlFlow;
 use super::beam::Pruning;
 use super::point::Marching;
 use super::{
-    BeamQuery, Bundle, BundleScratch, DepthTable, Fan, GatherStats, Gathered, Lattices, Lobe, PhaseLanes,
-    SampledDepths, Samples, StreamScratch,
+    BeamQuery, Bundle, BundleScratch, DepthTable, Fan, GatherStats, Gathered, Lattices, PhaseLanes, SampledDepths,
+    Samples, StreamScratch,
 };
 use crate::math::{DVec3, Ray, Rgb, Vec3, one_minus_exp_over};
 use crate::medium::density::Density;
-use crate::medium::phase::Phase;
 use crate::medium::{Emission, Medium};
 use crate::photon::PhotonMap;
 
@@ -119,7 +118,7 @@ impl VolumeMaps {
     pub fn new(maps: Vec<Option<PhotonMap>>, media: &[Medium]) -> Self {
         VolumeMaps {
             maps,
-            phases: media.iter().map(|medium| lanes(&medium.phase)).collect(),
+            phases: media.iter().map(|medium| PhaseLanes::new(medium.phase.clone())).collect(),
             extinctions: media.iter().map(|medium| medium.extinction.as_vec3()).collect(),
             steps: media.iter().map(|medium| step(&medium.density)).collect(),
         }
@@ -327,24 +326,6 @@ pub(super) fn tabulate(medium: &Medium, ray: &Ray, a: f64, b: f64, table: &mut D
         }
     }
     table.finish();
-}
-
-/// A phase function as beam queries want it.
-pub(super) fn lanes(phase: &Phase) -> PhaseLanes {
-    let lobe = |phase: &Phase| match phase {
-        Phase::HenyeyGreenstein(p) => Lobe::HenyeyGreenstein(p.g),
-        Phase::Schlick(p) => Lobe::Schlick(p.k),
-        Phase::Rayleigh(_) => Lobe::Rayleigh,
-        Phase::Draine(p) => Lobe::Draine(p.g, p.alpha),
-        Phase::Isotropic(_) | Phase::Mixture(_) => Lobe::Isotropic,
-    };
-    match phase {
-        Phase::Mixture(mixture) => {
-            let lobes: Vec<_> = mixture.lobes().iter().map(|(weight, phase)| (*weight, lobe(phase))).collect();
-            PhaseLanes::mixture(&lobes)
-        }
-        _ => PhaseLanes::new(lobe(phase)),
-    }
 }
 
 impl Gathered {

@@ -554,7 +554,7 @@ impl<'s> Eye<'s> {
         path.first.get_or_insert(First::Medium);
         let medium = &self.scene.media[medium as usize];
         if let Some(ember) = self.glows.draw(collision.point, context.stream) {
-            let phase = medium.phase.between(walk.ray.direction, ember.direction);
+            let phase = medium.phase.value(walk.ray.direction, ember.direction);
             let towards = (Ray::new(collision.point, ember.direction), &walk.inside);
             self.light_by_glow(path, &ember, (medium.albedo * phase, phase), towards, sample, context);
         }
@@ -587,7 +587,7 @@ impl<'s> Eye<'s> {
         let light = &self.scene.lights[index as usize];
         context.stream.spread(Spread::Light);
         let Some(arrival) = light.arrive(&self.scene.geometry, point, context.stream) else { return };
-        let phase = medium.phase.between(collision.stretch.ray.direction, arrival.direction);
+        let phase = medium.phase.value(collision.stretch.ray.direction, arrival.direction);
         let asked = choice * arrival.density;
         let by_chance = if arrival.has_size && !self.straight_on() { phase } else { 0.0 };
         let other = equiangular::density(self.scene, &collision.stretch, collision.t, index, &arrival);
@@ -974,7 +974,7 @@ impl Passage<'_, '_, '_> {
         if density <= 0.0 {
             return;
         }
-        let phase = medium.phase.between(segment.ray.direction, draw.arrival.direction);
+        let phase = medium.phase.value(segment.ray.direction, draw.arrival.direction);
         let by_flight = by_flight(draw.t);
         let asked = scene.light_choice(draw.light, point) * draw.arrival.density;
         let by_chance = if draw.arrival.has_size && !self.eye.straight_on() { phase } else { 0.0 };
