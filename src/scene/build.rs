@@ -15,7 +15,6 @@ use crate::math::{Bounds, DAffine3, DVec3, Rgb};
 use crate::medium::black_body::BlackBody;
 use crate::medium::density::bricks::{BrickGrid, Interpolation, NegativePolicy};
 use crate::medium::density::{Density, Exponential, Grid, Noise, npy, vdb};
-use crate::medium::phase::{HenyeyGreenstein, Isotropic, Mixture, Phase, Rayleigh, Schlick, mie};
 use crate::medium::{Emission, Medium};
 use crate::surface::{Dielectric, Lambert, Material, Mirror};
 use crate::{Error, Result};
@@ -306,7 +305,7 @@ impl<'d> Builder<'d> {
             name: said.name.clone(),
             extinction,
             albedo: said.albedo(),
-            phase: phase(&said.phase),
+            phase: said.phase.clone(),
             density,
             emission,
         };
@@ -560,20 +559,6 @@ fn material(kind: &MaterialKind) -> Material {
             Material::Dielectric(Dielectric { index: *ior, roughness: *roughness })
         }
         MaterialKind::None => Material::None,
-    }
-}
-
-/// A phase function as it is evaluated.
-pub(super) fn phase(said: &said::Phase) -> Phase {
-    match said {
-        said::Phase::Isotropic => Phase::Isotropic(Isotropic),
-        said::Phase::HenyeyGreenstein { g } => Phase::HenyeyGreenstein(HenyeyGreenstein { g: *g }),
-        said::Phase::Schlick { k } => Phase::Schlick(Schlick { k: *k }),
-        said::Phase::Rayleigh => Phase::Rayleigh(Rayleigh),
-        said::Phase::Mie { diameter } => Phase::Mixture(mie(*diameter)),
-        said::Phase::Mixture(lobes) => {
-            Phase::Mixture(Mixture::new(lobes.iter().map(|(weight, lobe)| (*weight, phase(lobe))).collect()))
-        }
     }
 }
 

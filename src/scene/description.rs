@@ -12,6 +12,7 @@ use std::sync::Arc;
 
 use crate::Error;
 use crate::math::{DAffine3, DVec2, DVec3, Rgb};
+use crate::medium::phase::Phase;
 
 /// Where in a scene file, or in which `--set`, something was said.
 #[derive(Clone, PartialEq)]
@@ -282,32 +283,6 @@ impl Medium {
         let t = self.sigma_t();
         Rgb::new(ratio(self.sigma_s.x, t.x), ratio(self.sigma_s.y, t.y), ratio(self.sigma_s.z, t.z))
     }
-}
-
-/// `media.*.phase`
-#[derive(Clone, Debug, PartialEq)]
-pub enum Phase {
-    /// 1/4π in every direction.
-    Isotropic,
-    /// Henyey and Greenstein's.
-    HenyeyGreenstein {
-        /// The mean cosine, in (−1, 1), positive forward.
-        g: f64,
-    },
-    /// Schlick's rational approximation.
-    Schlick {
-        /// The eccentricity, in (−1, 1), positive forward.
-        k: f64,
-    },
-    /// Rayleigh's, for particles far smaller than the wavelength.
-    Rayleigh,
-    /// That of water droplets.
-    Mie {
-        /// Their diameter in micrometres, in (0, 50].
-        diameter: f64,
-    },
-    /// A weighted sum of phase functions that are no mixtures themselves; weights at least 0, sum 1.
-    Mixture(Vec<(f64, Phase)>),
 }
 
 /// `media.*.density`. It lives in world space; an instance's transform carries it along.

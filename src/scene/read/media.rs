@@ -2,16 +2,15 @@
 
 use super::{Either, Names, all, either, transform::transform};
 use crate::math::{DAffine3, DVec3, Rgb};
-use crate::medium::phase::LARGEST_DIAMETER;
+use crate::medium::phase::{HenyeyGreenstein, Isotropic, LARGEST_DIAMETER, Mixture, Phase, Rayleigh, Schlick, mie};
 use crate::medium::presets::PRESETS;
-use crate::scene::build;
-use crate::scene::description::{Density, Interpolation, Medium, MediumEmission, Negative, Phase, Unit};
+use crate::scene::description::{Density, Interpolation, Medium, MediumEmission, Negative, Unit};
 use crate::scene::table::{Item, Read, Table};
 
 pub(super) fn medium(name: &str, item: &Item, names: &Names, scene_unit: Unit) -> Read<Medium> {
     let table = item.table()?;
-    let phase = table.get_or("phase", Phase::Isotropic, |item| phase(&item.table()?, false));
-    let mean_cosine = phase.as_ref().map_or(0.0, |phase| build::phase(phase).mean_cosine());
+    let phase = table.get_or("phase", Isotropic.into(), |item| phase(&item.table()?, false));
+    let mean_cosine = phase.as_ref().map_or(0.0, Phase::mean_cosine);
     let coefficients = coefficients(&table, mean_cosine, scene_unit);
     let density = table.get_or("density", Density::Constant { value: 1.0 }, |item| density(&item.table()?, names));
     let emission = table.get("emission", |item| emission(&item.table()?));
@@ -82,37 +81,18 @@ fn coefficients(table: &Table, mean_cosine: f64, scene_unit: Unit) -> Read<(Rgb,
 
 /// A phase function; a lobe of a mixture is none itself and has a weight beside its own keys.
 fn phase(table: &Table, lobe: bool) -> Read<Phase> {
-    #[derive(Clone, Copy)]
-    enum Kind {
-        Isotropic,
-        HenyeyGreenstein,
-        Schlick,
-        Rayleigh,
-        Mie,
-        Mixture,
-    }
-    let kinds = [
-        ("isotropic", Kind::Isotropic),
-        ("hg", Kind::HenyeyGreenstein),
-        ("schlick", Kind::Schlick),
-        ("rayleigh", Kind::Rayleigh),
-        ("mie", Kind::Mie),
-        ("mixture", Kind::Mixture),
+    type Reader = fn(&Table) -> Read<Phase>;
+    let kinds: &[(&str, Reader)] = &[
+        ("isotropic", |_| Ok(Isotropic.into())),
+        ("hg", |table| Ok(HenyeyGreenstein { g: table.require("g", |item| item.between(-1.0, 1.0))? }.into())),
+        ("schlick", |table| Ok(Schlick { k: table.require("k", |item| item.between(-1.0, 1.0))? }.into())),
+        ("rayleigh", |_| Ok(Rayleigh.into())),
+        ("mie", |table| Ok(mie(table.require("diameter", |item| item.above_up_to(0.0, LARGEST_DIAMETER))?).into())),
+        ("mixture", |table| table.require("lobes", mixture)),
     ];
-    let kinds = if lobe { &kinds[..5] } else { &kinds };
-    let phase = match table.require("type", |item| item.choice(kinds, &[]))? {
-        Kind::Isotropic => Ok(Phase::Isotropic),
-        Kind::Rayleigh => Ok(Phase::Rayleigh),
-        Kind::HenyeyGreenstein => {
-            table.require("g", |item| item.between(-1.0, 1.0)).map(|g| Phase::HenyeyGreenstein { g })
-        }
-        Kind::Schlick => table.require("k", |item| item.between(-1.0, 1.0)).map(|k| Phase::Schlick { k }),
-        Kind::Mie => {
-            let diameter = table.require("diameter", |item| item.above_up_to(0.0, LARGEST_DIAMETER));
-            diameter.map(|diameter| Phase::Mie { diameter })
-        }
-        Kind::Mixture => table.require("lobes", mixture),
-    };
+    let kinds = if lobe { &kinds[..kinds.len() - 1] } else { kinds };
+    let read = table.require("type", |item| item.choice(kinds, &[]))?;
+    let phase = read(table);
     table.finish()?;
     phase
 }
@@ -131,7 +111,7 @@ fn mixture(item: &Item) -> Read<Phase> {
     if (sum - 1.0).abs() > TOLERANCE {
         return Err(item.fail(format!("the weights sum to {sum}; expected 1")));
     }
-    Ok(Phase::Mixture(lobes.into_iter().map(|(weight, phase)| (weight / sum, phase)).collect()))
+    Ok(Mixture::new(lobes.into_iter().map(|(weight, phase)| (weight / sum, phase)).collect()).into())
 }
 
 /// More octaves would be finer than any grid of voxels that fits into memory.
