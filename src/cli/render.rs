@@ -262,8 +262,7 @@ fn describe(scene: &Scene) {
                 medium.name, min.x, min.y, min.z, max.x, max.y, max.z
             );
         } else {
-            let kind =
-                if matches!(medium.density, Density::Uniform) { "the same everywhere" } else { "without an end" };
+            let kind = if medium.density.is_even() { "the same everywhere" } else { "without an end" };
             eprintln!("medium {}: {kind}, extinction up to ({sigma})", medium.name);
         }
     }

@@ -146,7 +146,7 @@ impl VolumeMaps {
         };
         // Bundles have no discs that lean on walls.
         let together = reach.from_camera && !map.leans();
-        if let Density::Uniform = medium.density {
+        if medium.density.is_even() {
             let waiting = if together { &mut queue.bundles } else { &mut queue.streams };
             waiting.push(Waiting { reach, samples: None, owner });
             return medium.transmittance(medium.density.depth(&ray, a, b));

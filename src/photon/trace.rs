@@ -10,7 +10,6 @@ use super::emission::Sources;
 use crate::math::random::Purpose;
 use crate::math::{DVec3, Rgb, Stream};
 use crate::medium::Medium;
-use crate::medium::density::Density;
 use crate::scene::Scene;
 use crate::scene::description::SingleScattering;
 use crate::transport::{self, Crossing, Interaction, Reflection, Segment, Side, Stop, Tally, Visitor, Walk, survive};
@@ -102,7 +101,7 @@ pub fn trace(
         return empty();
     }
 
-    let uneven = |medium: u32| !matches!(scene.media[medium as usize].density, Density::Uniform);
+    let uneven = |medium: u32| !scene.media[medium as usize].density.is_even();
     let deep = tracer.deep.iter().any(Option::is_some);
     let many = if deep {
         0.0
@@ -229,7 +228,7 @@ fn deep(scene: &Scene) -> Vec<Option<f64>> {
     let extent = scene.bounds().diagonal();
     let least = |medium: &Medium| {
         let extinction = medium.extinction.min_element();
-        (matches!(medium.density, Density::Uniform) && extinction * extent > THICK).then_some(extinction)
+        (medium.density.is_even() && extinction * extent > THICK).then_some(extinction)
     };
     scene.media.iter().map(least).collect()
 }
@@ -576,7 +575,7 @@ impl Visitor for Passage<'_, '_, '_> {
     /// Flights through dense media end long before the far side of a solid: they are drawn first.
     fn farthest(&mut self, medium: u32) -> f64 {
         let medium = &self.flight.tracer.scene.media[medium as usize];
-        if self.forced || !matches!(medium.density, Density::Uniform) {
+        if self.forced || !medium.density.is_even() {
             return f64::INFINITY;
         }
         *self.drawn.insert(transport::draw(medium, self.weight, self.flight.stream))

@@ -26,6 +26,11 @@ pub enum Density {
 }
 
 impl Density {
+    /// Whether it is the same everywhere.
+    pub fn is_even(&self) -> bool {
+        matches!(self, Density::Uniform)
+    }
+
     /// ρ at `p`.
     pub fn at(&self, p: DVec3) -> f64 {
         match self {
