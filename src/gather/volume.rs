@@ -269,7 +269,7 @@ pub fn emitted(
             medium.emitted(DVec3::ZERO) * mean
         }
         Emission::BlackBody { temperature, .. } => {
-            let Density::Grid(density) = &medium.density else { return Rgb::ZERO };
+            let Some(density) = medium.density.voxels() else { return Rgb::ZERO };
             let (mut sum, mut depth) = (Rgb::ZERO, 0.0);
             density.cells(ray, a, b, |cell| {
                 let inside = cell.integral();

@@ -123,9 +123,8 @@ fn photon_bytes(scene: &Scene) -> u64 {
     let beams = scene.volume.estimate == Estimate::Beam;
     let radius = if beams && scene.volume.kernel == Kernel::Variable { RADIUS_BYTES } else { 0 };
     let walls = if beams && !scene.surfaces.is_empty() { WALL_BYTES } else { 0 };
-    let uneven = |medium: Option<u32>| {
-        medium.is_some_and(|index| matches!(scene.media[index as usize].density, Density::Grid(_)))
-    };
+    let uneven =
+        |medium: Option<u32>| medium.is_some_and(|index| scene.media[index as usize].density.voxels().is_some());
     let follows = beams && scene.solids.iter().any(|solid| uneven(solid.medium));
     PHOTON_BYTES + radius + walls + if follows { DENSITY_BYTES } else { 0 }
 }

@@ -518,7 +518,7 @@ fn uneven_density(scene: &Scene, region: u32) -> Option<&Density> {
     let mut media = scene.solids.iter().filter(|solid| solid.region == region).map(|solid| solid.medium);
     let first = media.next().filter(|_| region != scene.world_region)??;
     let density = &scene.media[first as usize].density;
-    (matches!(density, Density::Grid(_)) && media.all(|medium| medium == Some(first))).then_some(density)
+    (density.voxels().is_some() && media.all(|medium| medium == Some(first))).then_some(density)
 }
 
 fn point_maps(scene: &Scene, points: &Points, scale: f32, regions: Vec<Vec<Photon>>) -> PointMaps {

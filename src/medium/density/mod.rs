@@ -31,6 +31,15 @@ impl Density {
         matches!(self, Density::Uniform)
     }
 
+    /// The voxels it is made of, through which rays are tracked by local majorants; `None` where the depth along a ray
+    /// has a closed form, which [`Density::advance`] inverts.
+    pub fn voxels(&self) -> Option<&Grid> {
+        match self {
+            Density::Grid(grid) => Some(grid),
+            _ => None,
+        }
+    }
+
     /// ρ at `p`.
     pub fn at(&self, p: DVec3) -> f64 {
         match self {
