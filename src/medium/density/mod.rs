@@ -12,6 +12,7 @@ pub use grid::Grid;
 pub use noise::Noise;
 
 use crate::math::{Bounds, DVec3, Ray};
+use std::sync::Arc;
 
 /// A density, one of the kinds a scene file can name. A constant value is folded into the medium's
 /// coefficients; arrays and noise are voxels too.
@@ -83,4 +84,17 @@ impl Density {
             Density::Grid(density) => density.advance(ray, t0, t1, target),
         }
     }
+}
+
+/// The memory that densities take together, in bytes; voxels that several of them share count once.
+pub fn bytes<'d>(densities: impl IntoIterator<Item = &'d Density>) -> u64 {
+    let mut seen = Vec::new();
+    let mut bytes = 0;
+    for voxels in densities.into_iter().filter_map(Density::voxels).map(Grid::voxels) {
+        if !seen.contains(&Arc::as_ptr(voxels)) {
+            seen.push(Arc::as_ptr(voxels));
+            bytes += voxels.bytes() as u64;
+        }
+    }
+    bytes
 }
