@@ -19,7 +19,7 @@ pub struct VolumeMaps {
     maps: Vec<Option<PhotonMap>>,
     phases: Vec<PhaseLanes>,
     extinctions: Vec<Vec3>,
-    /// Between samples of a ray's depth.
+    /// By medium, the distance between two samples of a ray's depth: half of the density's feature length.
     steps: Vec<f64>,
 }
 
@@ -101,15 +101,6 @@ const DEPTH_STEP: f64 = 0.5;
 /// linear interpolation of transmittance is then right to 0.3 %, and far better on average.
 const MOST_PASSED: f64 = 0.15;
 
-/// The distance between two samples: half of a voxel, a sixteenth of a scale height.
-fn step(density: &Density) -> f64 {
-    match density {
-        Density::Uniform => f64::INFINITY,
-        Density::Grid(grid) => 0.5 * grid.voxel_size(),
-        Density::Exponential(air) => air.scale_height / 16.0,
-    }
-}
-
 /// Knots on a ray through an exponential density.
 const EXPONENTIAL_KNOTS: usize = 256;
 
@@ -120,7 +111,7 @@ impl VolumeMaps {
             maps,
             phases: media.iter().map(|medium| PhaseLanes::new(medium.phase.clone())).collect(),
             extinctions: media.iter().map(|medium| medium.extinction.as_vec3()).collect(),
-            steps: media.iter().map(|medium| step(&medium.density)).collect(),
+            steps: media.iter().map(|medium| 0.5 * medium.density.feature_length()).collect(),
         }
     }
 

@@ -22,6 +22,12 @@ impl Exponential {
         self.value * (-self.height(p).max(0.0)).exp()
     }
 
+    /// The length over which it is nearly linear, an eighth of its scale height: between the two ends linear
+    /// interpolation is off by 1/512 of the density at most.
+    pub(super) fn feature_length(&self) -> f64 {
+        self.scale_height / 8.0
+    }
+
     /// In scale heights.
     fn height(&self, p: DVec3) -> f64 {
         (p - self.origin).dot(self.up) / self.scale_height

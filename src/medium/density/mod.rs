@@ -32,6 +32,15 @@ impl Density {
         matches!(self, Density::Uniform)
     }
 
+    /// The length over which it is nearly linear: a voxel's width, an eighth of a scale height; infinite where it is even.
+    pub fn feature_length(&self) -> f64 {
+        match self {
+            Density::Uniform => f64::INFINITY,
+            Density::Exponential(density) => density.feature_length(),
+            Density::Grid(density) => density.voxel_size(),
+        }
+    }
+
     /// The voxels it is made of, through which rays are tracked by local majorants; `None` where the depth along a ray
     /// has a closed form, which [`Density::advance`] inverts.
     pub fn voxels(&self) -> Option<&Grid> {
