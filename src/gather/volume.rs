@@ -9,7 +9,6 @@ use super::{
     Samples, StreamScratch,
 };
 use crate::math::{DVec3, Ray, Rgb, Vec3, one_minus_exp_over};
-use crate::medium::density::Density;
 use crate::medium::{Emission, Medium};
 use crate::photon::PhotonMap;
 
@@ -100,9 +99,6 @@ const DEPTH_STEP: f64 = 0.5;
 /// Between two samples of a ray that gathers together with others, the optical depth may grow by this much:
 /// linear interpolation of transmittance is then right to 0.3 %, and far better on average.
 const MOST_PASSED: f64 = 0.15;
-
-/// Knots on a ray through an exponential density.
-const EXPONENTIAL_KNOTS: usize = 256;
 
 impl VolumeMaps {
     /// From the maps of all regions, in their order, and all media.
@@ -287,35 +283,8 @@ pub(super) fn tabulate(medium: &Medium, ray: &Ray, a: f64, b: f64, table: &mut D
     table.clear();
     table.push(0.0, 0.0, medium.density.at(ray.at(a)));
     let largest = medium.extinction.max_element();
-    match &medium.density {
-        Density::Uniform => {}
-        Density::Grid(grid) => {
-            let mut depth = 0.0;
-            grid.cells(ray, a, b, |cell| {
-                if !cell.tb.is_finite() {
-                    return ControlFlow::Break(());
-                }
-                // A gap between cells, where the grid is clipped, adds nothing but needs its ends.
-                table.push(cell.ta - a, depth, cell.rho_a as f64);
-                let inside = cell.integral();
-                if inside * largest > DEPTH_STEP && !cell.is_constant() {
-                    // Simpson's rule over the first half, whose middle is a quarter in.
-                    let quarter = grid.at(ray.at(0.75 * cell.ta + 0.25 * cell.tb));
-                    let half = (cell.tb - cell.ta) * (cell.rho_a as f64 + 4.0 * quarter + cell.rho_mid as f64) / 12.0;
-                    table.push(0.5 * (cell.ta + cell.tb) - a, depth + half.clamp(0.0, inside), cell.rho_mid as f64);
-                }
-                depth += inside;
-                table.push(cell.tb - a, depth, cell.rho_b as f64);
-                ControlFlow::Continue(())
-            });
-        }
-        Density::Exponential(air) => {
-            for i in 1..=EXPONENTIAL_KNOTS {
-                let t = a + (b - a) * i as f64 / EXPONENTIAL_KNOTS as f64;
-                table.push(t - a, air.depth(ray, a, t), air.at(ray.at(t)));
-            }
-        }
-    }
+    let is_long = |depth: f64| depth * largest > DEPTH_STEP;
+    medium.density.knots(ray, (a, b), is_long, |t, depth, density| table.push(t - a, depth, density));
     table.finish();
 }
 

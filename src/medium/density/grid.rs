@@ -96,6 +96,34 @@ impl Grid {
         depth
     }
 
+    /// The ends of all cells, and the middles of those that `is_long` says so of; see [`Density::knots`](super::Density::knots).
+    pub(super) fn knots(
+        &self,
+        ray: &Ray,
+        (t0, t1): (f64, f64),
+        is_long: impl Fn(f64) -> bool,
+        mut knot: impl FnMut(f64, f64, f64),
+    ) {
+        let mut depth = 0.0;
+        self.cells(ray, t0, t1, |cell| {
+            if !cell.tb.is_finite() {
+                return ControlFlow::Break(());
+            }
+            // A gap between cells, where the grid is clipped, adds nothing but needs its ends.
+            knot(cell.ta, depth, cell.rho_a as f64);
+            let inside = cell.integral();
+            if is_long(inside) && !cell.is_constant() {
+                // Simpson's rule over the first half, whose middle is a quarter in.
+                let quarter = self.at(ray.at(0.75 * cell.ta + 0.25 * cell.tb));
+                let half = (cell.tb - cell.ta) * (cell.rho_a as f64 + 4.0 * quarter + cell.rho_mid as f64) / 12.0;
+                knot(0.5 * (cell.ta + cell.tb), depth + half.clamp(0.0, inside), cell.rho_mid as f64);
+            }
+            depth += inside;
+            knot(cell.tb, depth, cell.rho_b as f64);
+            ControlFlow::Continue(())
+        });
+    }
+
     pub(super) fn advance(&self, ray: &Ray, t0: f64, t1: f64, target: f64) -> Option<f64> {
         let mut left = target;
         let mut found = None;

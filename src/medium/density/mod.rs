@@ -26,6 +26,9 @@ pub enum Density {
     Grid(Grid),
 }
 
+/// Knots on a ray through a density without voxels.
+const KNOTS: usize = 256;
+
 impl Density {
     /// Whether it is the same everywhere.
     pub fn is_even(&self) -> bool {
@@ -85,6 +88,23 @@ impl Density {
         }
     }
 
+    /// Calls `knot(t, depth, density)` at places between `t0` and `t1` from which the depth since `t0` can be
+    /// interpolated, by cubics that know the density at their ends, in the order of t; none where it is even. A cell
+    /// of voxels over whose depth `is_long` says so has a knot in its middle, too.
+    pub fn knots(
+        &self,
+        ray: &Ray,
+        (t0, t1): (f64, f64),
+        is_long: impl Fn(f64) -> bool,
+        knot: impl FnMut(f64, f64, f64),
+    ) {
+        match self {
+            Density::Uniform => {}
+            Density::Grid(grid) => grid.knots(ray, (t0, t1), is_long, knot),
+            Density::Exponential(air) => spaced((t0, t1), |t| (air.depth(ray, t0, t), air.at(ray.at(t))), knot),
+        }
+    }
+
     /// Where between `t0` and `t1` the depth since `t0` reaches `target`; `None` if it does not.
     pub fn advance(&self, ray: &Ray, t0: f64, t1: f64, target: f64) -> Option<f64> {
         match self {
@@ -92,6 +112,15 @@ impl Density {
             Density::Exponential(density) => density.advance(ray, t0, t1, target),
             Density::Grid(density) => density.advance(ray, t0, t1, target),
         }
+    }
+}
+
+/// Calls `knot` at evenly spaced places with what `known` tells there: a depth and a density.
+fn spaced((t0, t1): (f64, f64), known: impl Fn(f64) -> (f64, f64), mut knot: impl FnMut(f64, f64, f64)) {
+    for i in 1..=KNOTS {
+        let t = t0 + (t1 - t0) * i as f64 / KNOTS as f64;
+        let (depth, density) = known(t);
+        knot(t, depth, density);
     }
 }
 
