@@ -230,16 +230,7 @@ impl<'d> Builder<'d> {
             Some(instance) => self.moved() * self.description.shapes[instance].transform,
             None => self.moved(),
         };
-        match &mut medium.density {
-            Density::Uniform => {}
-            Density::Exponential(air) => {
-                // h = (x − origin)·up with x taken back to the file's coordinates.
-                let back = carry.inverse();
-                air.origin = carry.transform_point3(air.origin);
-                air.up = back.matrix3.transpose() * air.up;
-            }
-            Density::Grid(grid) => *grid = grid.moved(carry),
-        }
+        medium.density = medium.density.moved(carry);
         if let Emission::BlackBody { temperature, .. } = &mut medium.emission {
             **temperature = temperature.moved(carry);
         }
@@ -614,8 +605,8 @@ fn surroundings(scene: &Scene) -> Surroundings {
         let support = medium.density.support();
         if support.size().is_finite() {
             bounds = bounds.union(support);
-        } else if let Density::Exponential(air) = &medium.density {
-            let extinction = medium.extinction.element_sum() / 3.0 * air.value;
+        } else if !support.is_empty() && !medium.density.is_endless() {
+            let extinction = medium.extinction.element_sum() / 3.0 * medium.density.max();
             if extinction > 0.0 {
                 margin = FREE_PATHS / extinction;
             }
@@ -632,12 +623,7 @@ const FREE_PATHS: f64 = 8.0;
 fn darken_infinity(scene: &mut Scene) {
     let Some(world) = scene.world else { return };
     let medium = &scene.media[world as usize];
-    let endless = match &medium.density {
-        Density::Uniform => true,
-        Density::Exponential(_) => false,
-        Density::Grid(grid) => grid.voxels().background() > 0.0 && !grid.support().size().is_finite(),
-    };
-    if !endless || medium.extinction.max_element() <= 0.0 {
+    if !medium.density.is_endless() || medium.extinction.max_element() <= 0.0 {
         return;
     }
     let passes = medium.extinction.map(|sigma| if sigma > 0.0 { 0.0 } else { 1.0 });

@@ -1,11 +1,11 @@
-use crate::math::{DVec3, Ray, one_minus_exp_over};
+use crate::math::{DAffine3, DVec3, Ray, one_minus_exp_over};
 
 /// An atmosphere: with h = (x − origin)·up, `value` e^{−h/scale_height} above the origin and `value` below.
 #[derive(Clone, Copy, Debug)]
 pub struct Exponential {
     /// A point at height 0.
     pub origin: DVec3,
-    /// The unit direction the density falls in.
+    /// The direction the density falls in; not of length 1 after transforms that stretch.
     pub up: DVec3,
     /// The height over which it falls to 1/e.
     pub scale_height: f64,
@@ -17,6 +17,14 @@ pub struct Exponential {
 const FAR: f64 = 700.0;
 
 impl Exponential {
+    /// Carried along by a transform of the scene.
+    pub fn moved(&self, transform: DAffine3) -> Self {
+        // h = (x − origin)·up with x taken back to the coordinates before.
+        let back = transform.inverse();
+        let (origin, up) = (transform.transform_point3(self.origin), back.matrix3.transpose() * self.up);
+        Exponential { origin, up, ..*self }
+    }
+
     /// The density at `p`.
     pub fn at(&self, p: DVec3) -> f64 {
         self.value * (-self.height(p).max(0.0)).exp()

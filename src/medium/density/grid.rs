@@ -20,12 +20,12 @@ impl Grid {
         Grid { voxels, to_index: to_world.inverse(), clip: Bounds::ALL }
     }
 
-    /// The same, with density 0 outside of a box in index space.
+    /// With density 0 outside of a box in index space.
     pub fn clipped(self, clip: Bounds) -> Self {
         Grid { clip, ..self }
     }
 
-    /// The same, carried along by a transform of the scene.
+    /// Carried along by a transform of the scene.
     pub fn moved(&self, transform: DAffine3) -> Self {
         Grid { voxels: self.voxels.clone(), to_index: self.to_index * transform.inverse(), clip: self.clip }
     }

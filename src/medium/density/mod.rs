@@ -11,7 +11,7 @@ pub use exponential::Exponential;
 pub use grid::Grid;
 pub use noise::Noise;
 
-use crate::math::{Bounds, DVec3, Ray};
+use crate::math::{Bounds, DAffine3, DVec3, Ray};
 use std::sync::Arc;
 
 /// A density, one of the kinds a scene file can name. A constant value is folded into the medium's
@@ -33,6 +33,24 @@ impl Density {
     /// Whether it is the same everywhere.
     pub fn is_even(&self) -> bool {
         matches!(self, Density::Uniform)
+    }
+
+    /// Whether it goes on without an end and thins out in no direction: light from infinity does not get through.
+    pub fn is_endless(&self) -> bool {
+        match self {
+            Density::Uniform => true,
+            Density::Exponential(_) => false,
+            Density::Grid(density) => density.voxels().background() > 0.0 && !density.support().size().is_finite(),
+        }
+    }
+
+    /// Carried along by a transform of the scene.
+    pub fn moved(&self, transform: DAffine3) -> Density {
+        match self {
+            Density::Uniform => Density::Uniform,
+            Density::Exponential(density) => Density::Exponential(density.moved(transform)),
+            Density::Grid(density) => Density::Grid(density.moved(transform)),
+        }
     }
 
     /// The length over which it is nearly linear: a voxel's width, an eighth of a scale height; infinite where it is even.
