@@ -14,7 +14,7 @@ use crate::light::{self, Area, Cone, Directional, Environment, Light, Point, Pro
 use crate::math::{Bounds, DAffine3, DVec3, Rgb};
 use crate::medium::black_body::BlackBody;
 use crate::medium::density::bricks::{BrickGrid, Interpolation, NegativePolicy};
-use crate::medium::density::{Density, Exponential, Grid, Noise, npy, vdb};
+use crate::medium::density::{Density, Grid, npy, vdb};
 use crate::medium::{Emission, Medium};
 use crate::surface::{Dielectric, Lambert, Material, Mirror};
 use crate::{Error, Result};
@@ -162,7 +162,7 @@ impl<'d> Builder<'d> {
         for (index, shape, transform, instance) in shapes {
             let said = &self.description.shapes[*index];
             let Some(interior) = &said.interior else { continue };
-            if !matches!(self.description.media[interior.value].density, said::Density::Noise { .. }) {
+            if !self.description.media[interior.value].density.fills_shapes() {
                 continue;
             }
             let transform = match instance {
@@ -216,8 +216,8 @@ impl<'d> Builder<'d> {
     /// The medium at `index` of the description, carried along by an instance: an index into `media`.
     fn medium(&mut self, index: usize, instance: Option<usize>) -> Result<u32> {
         // What does not depend on the place is not carried.
-        let uniform = matches!(self.description.media[index].density, said::Density::Constant { .. });
-        let key = (index, if uniform { None } else { instance });
+        let even = self.description.media[index].density.even().is_some();
+        let key = (index, if even { None } else { instance });
         if let Some(&medium) = self.carried.get(&key) {
             return Ok(medium);
         }
@@ -248,14 +248,8 @@ impl<'d> Builder<'d> {
                 extinction *= *value;
                 Density::Uniform
             }
-            said::Density::Exponential { origin, up, scale_height, value } => Density::Exponential(Exponential {
-                origin: *origin,
-                up: *up,
-                scale_height: *scale_height,
-                value: *value,
-            }),
-            said::Density::Noise { scale, octaves, threshold, seed } => {
-                let noise = Noise { scale: *scale, octaves: *octaves, threshold: *threshold, seed: *seed };
+            said::Density::Exponential(air) => Density::Exponential(*air),
+            said::Density::Noise(noise) => {
                 let extents = self.extents.get(&index).map_or(&[][..], Vec::as_slice);
                 Density::Grid(noise.sample(extents).map_err(|error| said.place.error(error))?)
             }
@@ -272,24 +266,21 @@ impl<'d> Builder<'d> {
                 Density::Grid(self.vdb(file, grid.as_ref(), *transform, interpolation, negative)?)
             }
         };
-        let emission = match (&said.emission, &said.density) {
-            (None, _) => Emission::None,
-            (Some(said::MediumEmission::Constant { radiance }), _) => Emission::Uniform(*radiance),
-            (
-                Some(said::MediumEmission::BlackBody { temperature, kelvin_scale, scale }),
-                said::Density::Vdb { file, transform, .. },
-            ) => {
+        let emission = match &said.emission {
+            None => Emission::None,
+            Some(said::MediumEmission::Constant { radiance }) => Emission::Uniform(*radiance),
+            Some(said::MediumEmission::BlackBody { temperature, kelvin_scale, scale }) => {
+                let Some((file, transform)) = said.density.grids() else {
+                    return Err(temperature.place.error("a grid of temperatures needs a density of type \"vdb\""));
+                };
                 let grid =
-                    self.vdb(file, Some(temperature), *transform, Interpolation::Trilinear, NegativePolicy::Zero)?;
+                    self.vdb(file, Some(temperature), transform, Interpolation::Trilinear, NegativePolicy::Zero)?;
                 Emission::BlackBody {
                     temperature: Box::new(grid),
                     kelvin_scale: *kelvin_scale,
                     scale: *scale,
                     table: BlackBody::default(),
                 }
-            }
-            (Some(said::MediumEmission::BlackBody { temperature, .. }), _) => {
-                return Err(temperature.place.error("a grid of temperatures needs a density of type \"vdb\""));
             }
         };
         let medium = Medium {

@@ -1,11 +1,11 @@
 use crate::math::{DAffine3, DVec3, Ray, one_minus_exp_over};
 
 /// An atmosphere: with h = (x − origin)·up, `value` e^{−h/scale_height} above the origin and `value` below.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Exponential {
     /// A point at height 0.
     pub origin: DVec3,
-    /// The direction the density falls in; not of length 1 after transforms that stretch.
+    /// The direction the density falls in, not 0; h is what its length makes of it.
     pub up: DVec3,
     /// The height over which it falls to 1/e.
     pub scale_height: f64,

@@ -2,6 +2,7 @@
 
 use super::{Either, Names, all, either, transform::transform};
 use crate::math::{DAffine3, DVec3, Rgb};
+use crate::medium::density::{Exponential, Noise};
 use crate::medium::phase::{HenyeyGreenstein, Isotropic, LARGEST_DIAMETER, Mixture, Phase, Rayleigh, Schlick, mie};
 use crate::medium::presets::PRESETS;
 use crate::scene::description::{Density, Interpolation, Medium, MediumEmission, Negative, Unit};
@@ -16,9 +17,7 @@ pub(super) fn medium(name: &str, item: &Item, names: &Names, scene_unit: Unit) -
     let emission = table.get("emission", |item| emission(&item.table()?));
     table.finish()?;
     let ((sigma_s, sigma_a), density, emission) = (coefficients?, density?, emission?);
-    if let (Some(MediumEmission::BlackBody { temperature, .. }), false) =
-        (&emission, matches!(density, Density::Vdb { .. }))
-    {
+    if let (Some(MediumEmission::BlackBody { temperature, .. }), false) = (&emission, density.grids().is_some()) {
         let message = "names a second grid of the density's file; expected a `density` of type \"vdb\"";
         return Err(item.fail_about(&temperature.place, message));
     }
@@ -175,7 +174,8 @@ fn density(table: &Table, names: &Names) -> Read<Density> {
             let scale_height = table.require("scale_height", Item::length);
             let value = table.get_or("value", 1.0, Item::non_negative);
             table.finish()?;
-            Ok(Density::Exponential { origin: origin?, up: up?, scale_height: scale_height?, value: value? })
+            let air = Exponential { origin: origin?, up: up?, scale_height: scale_height?, value: value? };
+            Ok(Density::Exponential(air))
         }
         Kind::Noise => {
             let scale = table.get_or("scale", 1.0, Item::length);
@@ -183,7 +183,8 @@ fn density(table: &Table, names: &Names) -> Read<Density> {
             let threshold = table.get_or("threshold", 0.5, |item| item.half_open(0.0, 1.0));
             let seed = table.get_or("seed", 0, |item| item.u32(0));
             table.finish()?;
-            Ok(Density::Noise { scale: scale?, octaves: octaves?, threshold: threshold?, seed: seed? })
+            let noise = Noise { scale: scale?, octaves: octaves?, threshold: threshold?, seed: seed? };
+            Ok(Density::Noise(noise))
         }
     }
 }
