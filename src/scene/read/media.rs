@@ -117,76 +117,65 @@ fn mixture(item: &Item) -> Read<Phase> {
 const MOST_OCTAVES: i128 = 12;
 
 fn density(table: &Table, names: &Names) -> Read<Density> {
-    #[derive(Clone, Copy)]
-    enum Kind {
-        Constant,
-        Vdb,
-        Array,
-        Exponential,
-        Noise,
-    }
-    let kind = table.require("type", |item| {
-        let kinds = [
-            ("constant", Kind::Constant),
-            ("vdb", Kind::Vdb),
-            ("array", Kind::Array),
-            ("exponential", Kind::Exponential),
-            ("noise", Kind::Noise),
-        ];
-        item.choice(&kinds, &[])
-    })?;
-    match kind {
-        Kind::Constant => {
-            let value = table.get_or("value", 1.0, Item::non_negative);
-            table.finish()?;
-            Ok(Density::Constant { value: value? })
-        }
-        Kind::Vdb => {
-            let file = table.require("file", |item| item.file(names.folder, &["vdb"]));
-            let grid = table.get("grid", Item::located_string);
-            let transform = table.get_or("transform", DAffine3::IDENTITY, transform);
-            let interpolation = table.get_or("interpolation", Interpolation::Trilinear, |item| {
-                let options = [("trilinear", Interpolation::Trilinear), ("nearest", Interpolation::Nearest)];
-                item.choice(&options, &[])
-            });
-            let negative = table.get_or("negative", Negative::Error, |item| {
-                item.choice(&[("error", Negative::Error), ("zero", Negative::Zero)], &[])
-            });
-            table.finish()?;
-            Ok(Density::Vdb {
-                file: file?,
-                grid: grid?,
-                transform: transform?,
-                interpolation: interpolation?,
-                negative: negative?,
-            })
-        }
-        Kind::Array => {
-            let file = table.require("file", |item| item.file(names.folder, &["npy"]));
-            let corners = super::corners(table);
-            table.finish()?;
-            let (min, max) = corners?;
-            Ok(Density::Array { file: file?, min, max })
-        }
-        Kind::Exponential => {
-            let origin = table.get_or("origin", DVec3::ZERO, Item::vector);
-            let up = table.get_or("up", DVec3::Y, Item::nonzero_vector);
-            let scale_height = table.require("scale_height", Item::length);
-            let value = table.get_or("value", 1.0, Item::non_negative);
-            table.finish()?;
-            let air = Exponential { origin: origin?, up: up?, scale_height: scale_height?, value: value? };
-            Ok(Density::Exponential(air))
-        }
-        Kind::Noise => {
-            let scale = table.get_or("scale", 1.0, Item::length);
-            let octaves = table.get_or("octaves", 4, |item| item.integer(1, MOST_OCTAVES));
-            let threshold = table.get_or("threshold", 0.5, |item| item.half_open(0.0, 1.0));
-            let seed = table.get_or("seed", 0, |item| item.u32(0));
-            table.finish()?;
-            let noise = Noise { scale: scale?, octaves: octaves?, threshold: threshold?, seed: seed? };
-            Ok(Density::Noise(noise))
-        }
-    }
+    type Reader = fn(&Table, &Names) -> Read<Density>;
+    let kinds: [(&str, Reader); 5] =
+        [("constant", constant), ("vdb", vdb), ("array", array), ("exponential", exponential), ("noise", noise)];
+    let read = table.require("type", |item| item.choice(&kinds, &[]))?;
+    read(table, names)
+}
+
+fn constant(table: &Table, _: &Names) -> Read<Density> {
+    let value = table.get_or("value", 1.0, Item::non_negative);
+    table.finish()?;
+    Ok(Density::Constant { value: value? })
+}
+
+fn vdb(table: &Table, names: &Names) -> Read<Density> {
+    let file = table.require("file", |item| item.file(names.folder, &["vdb"]));
+    let grid = table.get("grid", Item::located_string);
+    let transform = table.get_or("transform", DAffine3::IDENTITY, transform);
+    let interpolation = table.get_or("interpolation", Interpolation::Trilinear, |item| {
+        let options = [("trilinear", Interpolation::Trilinear), ("nearest", Interpolation::Nearest)];
+        item.choice(&options, &[])
+    });
+    let negative = table.get_or("negative", Negative::Error, |item| {
+        item.choice(&[("error", Negative::Error), ("zero", Negative::Zero)], &[])
+    });
+    table.finish()?;
+    Ok(Density::Vdb {
+        file: file?,
+        grid: grid?,
+        transform: transform?,
+        interpolation: interpolation?,
+        negative: negative?,
+    })
+}
+
+fn array(table: &Table, names: &Names) -> Read<Density> {
+    let file = table.require("file", |item| item.file(names.folder, &["npy"]));
+    let corners = super::corners(table);
+    table.finish()?;
+    let (min, max) = corners?;
+    Ok(Density::Array { file: file?, min, max })
+}
+
+fn exponential(table: &Table, _: &Names) -> Read<Density> {
+    let origin = table.get_or("origin", DVec3::ZERO, Item::vector);
+    let up = table.get_or("up", DVec3::Y, Item::nonzero_vector);
+    let scale_height = table.require("scale_height", Item::length);
+    let value = table.get_or("value", 1.0, Item::non_negative);
+    table.finish()?;
+    let air = Exponential { origin: origin?, up: up?, scale_height: scale_height?, value: value? };
+    Ok(Density::Exponential(air))
+}
+
+fn noise(table: &Table, _: &Names) -> Read<Density> {
+    let scale = table.get_or("scale", 1.0, Item::length);
+    let octaves = table.get_or("octaves", 4, |item| item.integer(1, MOST_OCTAVES));
+    let threshold = table.get_or("threshold", 0.5, |item| item.half_open(0.0, 1.0));
+    let seed = table.get_or("seed", 0, |item| item.u32(0));
+    table.finish()?;
+    Ok(Density::Noise(Noise { scale: scale?, octaves: octaves?, threshold: threshold?, seed: seed? }))
 }
 
 fn emission(table: &Table) -> Read<MediumEmission> {
