@@ -15,8 +15,11 @@ pub struct PhaseLanes(pub(super) Kind);
 /// The ways in which a phase function is evaluated: two quick ones, and one for all.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Kind {
+    /// 1/4π.
     Isotropic,
+    /// Henyey and Greenstein's of this g, from the cosine: for lobes that are not sharp.
     HenyeyGreenstein(f64),
+    /// A sum of terms, each from the distance to its peak.
     Sum(Vec<Term>),
 }
 
@@ -83,12 +86,13 @@ pub(super) trait Evaluate: Copy {
     fn near_axis<L: Lanes>(&self, d: &[L; 3]) -> (L, L);
 }
 
-/// `constant + d·v`
+/// The sum of a constant and of the product d·v, as fused operations.
 #[inline(always)]
 fn plus_dot<L: Lanes>(constant: f32, d: &[L; 3], v: &[f32; 3]) -> L {
     d[0].mul_add(L::splat(v[0]), d[1].mul_add(L::splat(v[1]), d[2].mul_add(L::splat(v[2]), L::splat(constant))))
 }
 
+/// 1/4π: the values are 1, the constant all of it.
 #[derive(Clone, Copy)]
 pub(super) struct Isotropic;
 
@@ -107,7 +111,8 @@ impl Evaluate for Isotropic {
     }
 }
 
-/// Light that travels along d and is scattered against the ray's direction ω: cos θ = −d·ω.
+/// Henyey and Greenstein's function for light that travels along d and is scattered against the ray's direction ω:
+/// (1 + g² + 2g d·ω)^{−3/2}, since cos θ = −d·ω.
 #[derive(Clone, Copy)]
 pub(super) struct HenyeyGreenstein {
     g: f64,

@@ -1,4 +1,9 @@
-//! How a medium's density varies over space.
+//! How a medium's density ρ(x) varies over space.
+//!
+//! A kind of density is one file and is listed in [`Density`], in the scene's description, and where scene files are
+//! read and built. Everybody else asks: whether it is even or endless, its greatest value, its depth along a ray and
+//! where that is reached, the knots to interpolate it by, the length of its features, and for the voxels it may be
+//! made of, which give local majorants and cells.
 
 pub mod bricks;
 mod exponential;
@@ -18,15 +23,15 @@ use std::sync::Arc;
 /// coefficients; arrays and noise are voxels too.
 #[derive(Clone, Debug)]
 pub enum Density {
-    /// 1 everywhere.
+    /// ρ = 1 everywhere.
     Uniform,
-    /// An atmosphere.
+    /// An atmosphere that thins out with height.
     Exponential(Exponential),
-    /// Voxels.
+    /// Voxels: of a file, an array or noise.
     Grid(Grid),
 }
 
-/// Knots on a ray through a density without voxels.
+/// Knots of a table of depths on a ray through a density without voxels.
 const KNOTS: usize = 256;
 
 impl Density {
@@ -71,7 +76,7 @@ impl Density {
         }
     }
 
-    /// ρ at `p`.
+    /// The density ρ at the point `p`.
     pub fn at(&self, p: DVec3) -> f64 {
         match self {
             Density::Uniform => 1.0,
@@ -80,7 +85,7 @@ impl Density {
         }
     }
 
-    /// The largest ρ anywhere.
+    /// An upper bound of ρ that holds everywhere; voxels reach it.
     pub fn max(&self) -> f64 {
         match self {
             Density::Uniform => 1.0,
@@ -89,7 +94,7 @@ impl Density {
         }
     }
 
-    /// Outside of this box ρ is 0.
+    /// A box outside of which ρ is 0; infinite where there is none.
     pub fn support(&self) -> Bounds {
         match self {
             Density::Uniform | Density::Exponential(_) => Bounds::ALL,

@@ -81,7 +81,7 @@ impl Form {
         HenyeyGreenstein { g: f64::from(self.slope) }.steepness()
     }
 
-    /// 1/x and x^{−3/2}.
+    /// The powers 1/x and x^{−3/2} of its base.
     #[inline(always)]
     pub(super) fn powers<N: Arithmetic>(&self, e2: N) -> (N, N) {
         let y = e2.mul_add(N::splat(self.slope), N::splat(self.base)).rsqrt();

@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Isotropic;
 
-/// 1/4π.
+/// Its value in every direction, 1/4π.
 pub(super) const VALUE: f64 = 0.25 / PI;
 
 impl From<Isotropic> for Phase {

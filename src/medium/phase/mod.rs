@@ -36,7 +36,7 @@ use std::f64::consts::TAU;
 pub enum Phase {
     /// Equal in all directions.
     Isotropic(Isotropic),
-    /// Henyey–Greenstein.
+    /// Henyey and Greenstein's, with one parameter: the mean cosine.
     HenyeyGreenstein(HenyeyGreenstein),
     /// Schlick's rational approximation of Henyey–Greenstein.
     Schlick(Schlick),
@@ -175,11 +175,11 @@ impl Phase {
 /// The cosine of a scattering angle with its distances to both ends, none of which cancels.
 #[derive(Clone, Copy, Debug)]
 struct Deflection {
-    /// cos θ.
+    /// The cosine of the angle, cos θ; forward +1.
     cos: f64,
-    /// 1 − cos θ.
+    /// Its distance to +1, 1 − cos θ.
     below_one: f64,
-    /// 1 + cos θ.
+    /// Its distance to −1, 1 + cos θ.
     above_minus_one: f64,
 }
 

@@ -4,7 +4,7 @@ use super::{draine, henyey_greenstein, rayleigh, schlick};
 
 /// The arithmetic that terms are written in: of one number, or of a block's photons side by side.
 pub(crate) trait Arithmetic: Copy {
-    /// The same number for all.
+    /// One number, side by side as often as there is room.
     fn splat(x: f32) -> Self;
     /// `self − b`
     fn sub(self, b: Self) -> Self;
@@ -27,7 +27,7 @@ pub(crate) struct Term {
     pub(crate) weight: f32,
     /// Whether the peak is backward.
     pub(crate) backward: bool,
-    /// The function of e².
+    /// The function of e² that is multiplied by the weight.
     pub(super) form: Form,
     /// How fast ⅔ of the function's logarithm changes with the angle, at most, per radian.
     pub(crate) steepness: f64,
@@ -36,15 +36,15 @@ pub(crate) struct Term {
 /// The functions of e² that terms are made of, normalised by the term's weight only.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Form {
-    /// 1 for all angles.
+    /// 1, whatever e².
     Even,
-    /// Henyey and Greenstein's.
+    /// ((1 − |g|)² + |g| e²)^{−3/2}.
     HenyeyGreenstein(henyey_greenstein::Form),
-    /// Schlick's.
+    /// (1 − |k| + |k| e²/2)^{−2}.
     Schlick(schlick::Form),
-    /// Rayleigh's.
+    /// 1 + (1 − e²/2)².
     Rayleigh,
-    /// Draine's.
+    /// Henyey and Greenstein's function times 1 + α (1 − e²/2)².
     Draine(draine::Form),
 }
 

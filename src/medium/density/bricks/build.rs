@@ -111,7 +111,7 @@ impl BrickGrid {
 
 /// Collects bricks and cubes of one value, then indexes them.
 pub(super) struct Builder {
-    /// As the file has it.
+    /// The background as the file has it, perhaps out of range.
     stored_background: f32,
     background: f32,
     negative: NegativePolicy,
@@ -120,7 +120,7 @@ pub(super) struct Builder {
     /// The entry of each constant, by its bits.
     by_value: HashMap<u32, u32>,
     roots: HashMap<[i32; 3], u32>,
-    /// Without its roots.
+    /// The tree, without its roots.
     index: SparseIndex,
     occupied: Option<([i32; 3], [i32; 3])>,
     active: Active,
@@ -129,7 +129,7 @@ pub(super) struct Builder {
     bad: u64,
     /// How many voxels are negative and must not be.
     below_zero: u64,
-    /// The least of these.
+    /// The least of those.
     lowest: f32,
     /// A voxel whose coordinates are too large.
     far: Option<[i32; 3]>,

@@ -15,10 +15,10 @@ pub(super) struct Range {
 }
 
 impl Range {
-    /// Of no voxel.
+    /// The range of no voxels at all.
     pub(super) const NONE: Range = Range { min: f32::INFINITY, max: f32::NEG_INFINITY };
 
-    /// Of the voxels of both.
+    /// The range of the voxels of both.
     pub(super) fn union(self, other: Range) -> Range {
         Range { min: self.min.min(other.min), max: self.max.max(other.max) }
     }

@@ -24,10 +24,10 @@ use index::{Index, Range};
 /// What to do with negative voxels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum NegativePolicy {
-    /// Refuse the grid.
+    /// The grid is refused.
     #[default]
     Error,
-    /// Take them for 0.
+    /// They count as 0.
     Zero,
 }
 
@@ -41,7 +41,7 @@ pub enum Interpolation {
     Nearest,
 }
 
-/// Voxels in bricks.
+/// Voxels in bricks of 8³ behind an index, in index space.
 #[derive(Clone)]
 pub struct BrickGrid {
     background: f32,
@@ -73,7 +73,7 @@ impl std::fmt::Debug for BrickGrid {
 }
 
 impl BrickGrid {
-    /// The same voxels, interpolated in another way.
+    /// With another density between its voxels.
     pub fn with_interpolation(self, interpolation: Interpolation) -> BrickGrid {
         BrickGrid { interpolation, ..self }
     }
