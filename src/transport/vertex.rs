@@ -75,7 +75,7 @@ impl Vertex<'_> {
         match self {
             Vertex::Surface(at) => at.bsdf.toward(&at.incidence, o, side, both, weight, stream, part),
             Vertex::Medium(at) => {
-                let phase = at.medium.phase.between(at.direction, o);
+                let phase = at.medium.phase.value(at.direction, o);
                 part(weight, Scattering { value: at.medium.albedo * phase, ahead: Rgb::splat(phase) });
             }
         }

@@ -117,7 +117,7 @@ impl Looking<'_, '_, '_> {
         }
 
         // Its part, where flights draw that collision, and the light is asked for or met from there.
-        let phase = medium.phase.between(segment.ray.direction, draw.arrival.direction);
+        let phase = medium.phase.value(segment.ray.direction, draw.arrival.direction);
         let asked = scene.light_choice(draw.light, point) * draw.arrival.density;
         let met = if self.eye.straight_on() { 0.0 } else { phase };
         let scattering = medium.extinction * medium.albedo * (density * phase);
