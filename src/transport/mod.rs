@@ -11,6 +11,8 @@ mod roulette;
 mod segment;
 mod shadow;
 mod surface;
+#[cfg(test)]
+mod tests;
 mod vertex;
 mod walk;
 
