@@ -121,5 +121,6 @@ pub fn transmit_straight(
 pub fn light_density(scene: &Scene, crossing: &Crossing<'_>, from: DVec3, direction: DVec3) -> f64 {
     let Light::Area(area) = &scene.lights[crossing.light as usize] else { return 0.0 };
     let choice = scene.light_choice(crossing.light, from);
-    if choice > 0.0 { choice * area.density(&scene.geometry, from, crossing.hit, direction) } else { 0.0 }
+    let hit = crossing.hit;
+    if choice > 0.0 { choice * area.density(&scene.geometry, from, direction, hit.t, hit.normal) } else { 0.0 }
 }
