@@ -1,5 +1,5 @@
 use super::{Arrival, Cone, Departure, Spread};
-use crate::geometry::{Geometry, Hit};
+use crate::geometry::Geometry;
 use crate::math::{Bounds, DVec3, Frame, Ray, Rgb, Stream, error_bound, sampling};
 use std::f64::consts::PI;
 
@@ -146,12 +146,12 @@ impl Area {
         })
     }
 
-    /// The density per steradian at `from` with which [`super::Light::arrive`] draws `direction`, along
-    /// which the shape is met at `hit`.
-    pub fn density(&self, geometry: &Geometry, from: DVec3, hit: &Hit, direction: DVec3) -> f64 {
+    /// The density per steradian at `from` with which [`super::Light::arrive`] draws `direction`, in which the shape is
+    /// so far away and has this unit normal.
+    pub fn density(&self, geometry: &Geometry, from: DVec3, direction: DVec3, distance: f64, normal: DVec3) -> f64 {
         match self.profile {
             Profile::Beam(_, cone) => 1.0 / cone.outer_solid_angle(),
-            _ => geometry.pdf_toward(self.shape, from, hit, direction),
+            _ => geometry.pdf_toward(self.shape, from, direction, distance, normal),
         }
     }
 
