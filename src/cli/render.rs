@@ -133,7 +133,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let total = start.elapsed().as_secs_f64();
     if !arguments.quiet {
         for warning in &rendering.warnings {
-            eprintln!("warning: {warning}");
+            super::tell(format_args!("warning: {warning}"));
         }
     }
 
@@ -153,20 +153,20 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     let mut failures = written.into_iter().filter_map(Result::err);
     if let Some(first) = failures.next() {
-        failures.for_each(|error| eprintln!("error: {error}"));
+        failures.for_each(|error| super::tell(format_args!("error: {error}")));
         return Err(first);
     }
     if let Some(path) = arguments.checkpoint.as_ref().filter(|_| !arguments.quiet) {
         match rendering.film.done().count() {
-            0 => eprintln!("{}: not written: no pass is finished", path.display()),
-            passes => eprintln!("{}: {passes} passes, to go on from with --resume", path.display()),
+            0 => super::tell(format_args!("{}: not written: no pass is finished", path.display())),
+            passes => super::tell(format_args!("{}: {passes} passes, to go on from with --resume", path.display())),
         }
     }
     if rendering.end == End::Interrupted {
         if !arguments.quiet {
             let names: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
             let done = if seen { "as far as it came" } else { "not written: there is no sample yet" };
-            eprintln!("{}: {done}", names.join(", "));
+            super::tell(format_args!("{}: {done}", names.join(", ")));
         }
         return Err(Error::Interrupted);
     }
@@ -251,23 +251,23 @@ fn describe(scene: &Scene) {
         let support = medium.density.support();
         let sigma = format!("{:.4}, {:.4}, {:.4}", extinction.x, extinction.y, extinction.z);
         if support.is_empty() || extinction.max_element() <= 0.0 {
-            eprintln!("medium {}: clear", medium.name);
+            super::tell(format_args!("medium {}: clear", medium.name));
         } else if support.size().is_finite() {
             let (min, max) = (support.min + scene.center, support.max + scene.center);
             let across = support.size().max_element();
             let ray = crate::math::Ray::new(support.center() - across * crate::math::DVec3::Y, crate::math::DVec3::Y);
             let depth = medium.density.depth(&ray, 0.0, 2.0 * across) * medium.extinction.max_element();
-            eprintln!(
+            super::tell(format_args!(
                 "medium {}: from ({:.3}, {:.3}, {:.3}) to ({:.3}, {:.3}, {:.3}), extinction up to ({sigma}), optical depth {depth:.3} upwards through its middle",
                 medium.name, min.x, min.y, min.z, max.x, max.y, max.z
-            );
+            ));
         } else {
             let kind = if medium.density.is_even() { "the same everywhere" } else { "without an end" };
-            eprintln!("medium {}: {kind}, extinction up to ({sigma})", medium.name);
+            super::tell(format_args!("medium {}: {kind}, extinction up to ({sigma})", medium.name));
         }
     }
     for warning in &scene.warnings {
-        eprintln!("warning: {warning}");
+        super::tell(format_args!("warning: {warning}"));
     }
 }
 
@@ -384,5 +384,5 @@ fn summarise(report: &Report, stats: &Stats, outputs: &[PathBuf]) {
         parts.push(format!("standard error {:.2} %", 100.0 * error));
     }
     let names: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
-    eprintln!("{}: {}", names.join(", "), parts.join(", "));
+    super::tell(format_args!("{}: {}", names.join(", "), parts.join(", ")));
 }

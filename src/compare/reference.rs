@@ -4,12 +4,12 @@ use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
+use super::context::{Context, method_name, settings};
 use super::figures::Standard;
 use super::lab::Lab;
 use super::results::{Reference, ReferenceKind, Region};
 use super::store::{Made, Store};
 use super::variant::{self, Pair, Variant};
-use super::{Context, settings};
 use crate::image::{self, Image, Layer, LayerData, Picture};
 use crate::render::checkpoint::{self, Checkpoint, Subject};
 use crate::render::{Component, End, Limits};
@@ -88,7 +88,7 @@ pub fn limit(variant: &Variant, context: &Context<'_>, store: &Store, regions: &
     let (standard, made) = make(&name, Some(&variant.asked.name), &set, &limits, context, store)?;
     let facts = Reference {
         kind: ReferenceKind::Own,
-        method: Some(super::method_name(&description)),
+        method: Some(method_name(&description)),
         image: Some(format!("{name}.exr")),
         standard_error: None,
         samples: Some(made.samples),

@@ -1,6 +1,6 @@
 //! Variants: an estimate with its settings.
 
-use super::Context;
+use super::context::Context;
 use crate::gather::march::Marcher;
 use crate::render::{Camera, Limits, Plan, SharedMap};
 use crate::scene::description::{Description, Estimate, Kernel, Method};

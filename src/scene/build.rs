@@ -487,7 +487,7 @@ impl<'d> Builder<'d> {
                 }
                 Some(Shine::Disc(profile)) => (profile, Sides::Out),
             };
-            let light = Area { shape: id as u32, profile, sides, area, bounds };
+            let light = Area::new(id as u32, (profile, sides), area, bounds);
             if light.power().max_element() > 0.0 {
                 surfaces[id].light = Some(self.lights.len() as u32);
                 self.lights.push(Light::Area(light));

@@ -123,6 +123,6 @@ impl Turn {
 fn density_of_crossing(scene: &Scene, crossing: &Crossing<'_>, from: DVec3) -> f64 {
     let Light::Area(area) = &scene.lights[crossing.light as usize] else { return 0.0 };
     let choice = scene.light_choice(crossing.light, from);
-    let direction = crossing.ray.direction;
-    if choice > 0.0 { choice * area.density(&scene.geometry, from, crossing.hit, direction) } else { 0.0 }
+    let (direction, hit) = (crossing.ray.direction, crossing.hit);
+    if choice > 0.0 { choice * area.density(&scene.geometry, from, direction, hit.t, hit.normal) } else { 0.0 }
 }

@@ -5,7 +5,6 @@ use std::f64::consts::FRAC_PI_2;
 
 use super::flight;
 use super::segment::{Crossing, Segment};
-use crate::geometry::Hit;
 use crate::light::{Arrival, Light, Profile};
 use crate::math::{DVec3, Ray, Rgb, Stream, shares};
 use crate::medium::Medium;
@@ -163,12 +162,11 @@ pub fn draw(scene: &Scene, flight: &Flight, stream: &mut Stream) -> Option<Draw>
             if radiance.max_element() <= 0.0 || cos <= 0.0 || !direction.is_finite() {
                 return None;
             }
-            let hit = met(area.shape, distance, sample.normal);
             let arrival = Arrival {
                 direction,
                 distance,
                 radiance,
-                density: area.density(&scene.geometry, from, &hit, direction),
+                density: area.density(&scene.geometry, from, direction, distance, sample.normal),
                 has_size: true,
                 normal: sample.normal,
             };
@@ -188,11 +186,6 @@ pub fn draw(scene: &Scene, flight: &Flight, stream: &mut Stream) -> Option<Draw>
     }
 }
 
-/// A hit as far as densities want to know it.
-fn met(shape: u32, distance: f64, normal: DVec3) -> Hit {
-    Hit { t: distance, id: shape, primitive: 0, normal, shading_normal: normal, uv: [0.0; 2] }
-}
-
 /// The density with which [`draw`] draws `t` together with light `index` so that this `arrival` results.
 fn density(scene: &Scene, flight: &Flight, t: f64, index: u32, arrival: &Arrival) -> f64 {
     let light = &scene.lights[index as usize];
@@ -204,8 +197,7 @@ fn density(scene: &Scene, flight: &Flight, t: f64, index: u32, arrival: &Arrival
     let per_length = choice * flight.distance_density(to, t);
     match light {
         Light::Area(area) => {
-            let hit = met(area.shape, arrival.distance, arrival.normal);
-            let per_area = scene.geometry.pdf_area(area.shape, &hit);
+            let per_area = scene.geometry.pdf_area(area.shape, arrival.normal);
             per_length * per_area * arrival.distance * arrival.distance / arrival.normal.dot(arrival.direction).abs()
         }
         _ => per_length,
