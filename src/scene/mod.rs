@@ -11,6 +11,7 @@ mod read;
 mod settings;
 mod study;
 mod table;
+mod text;
 mod tree;
 mod world;
 
