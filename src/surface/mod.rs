@@ -152,7 +152,7 @@ impl Bsdf {
         match self {
             Bsdf::Smooth(smooth) => Some(smooth.boundary(at)),
             Bsdf::Rough(rough) => Some(Boundary { from: rough.from, reflected: None }),
-            Bsdf::Lambert(_) | Bsdf::Mirror(_) => None,
+            _ => None,
         }
     }
 
@@ -160,7 +160,7 @@ impl Bsdf {
     pub fn straight(&self, at: &Incidence) -> Option<Straight> {
         match self {
             Bsdf::Smooth(smooth) => Some(smooth.straight(at)),
-            Bsdf::Lambert(_) | Bsdf::Mirror(_) | Bsdf::Rough(_) => None,
+            _ => None,
         }
     }
 }
