@@ -640,7 +640,6 @@ const LATER: &[&str] = &[
     "[surface]\nirradiance_cache = true\n",
     "[surface]\nneighbours = 80\n",
     "[surface]\nfilter = \"cone\"\n",
-    "[materials.a]\ntype = \"oren_nayar\"\nreflectance = 1\nsigma = 0.5\n",
     "[materials.a]\ntype = \"schlick\"\nf0 = 1\nroughness = 0.5\nisotropy = 1\n",
     "[materials.a]\ntype = \"phong\"\ndiffuse = 0.5\nspecular = 0.5\nexponent = 10\n",
     "[materials.a]\ntype = \"conductor\"\nf0 = 0.5\nroughness = 0.1\n",

@@ -18,7 +18,7 @@ use crate::medium::black_body::BlackBody;
 use crate::medium::density::bricks::{BrickGrid, Interpolation, NegativePolicy};
 use crate::medium::density::{Density, Grid, npy, vdb};
 use crate::medium::{Emission, Medium};
-use crate::surface::{Bsdf, Dielectric, Lambert, Material, Mirror};
+use crate::surface::{Bsdf, Dielectric, Lambert, Material, Mirror, OrenNayar};
 use crate::{Error, Result};
 
 /// Loads and builds a scene. With it come the settings that its file gives for the picture.
@@ -433,6 +433,9 @@ impl<'d> Builder<'d> {
 fn material(kind: &MaterialKind) -> Material {
     match kind {
         MaterialKind::Lambert { reflectance } => Material::Opaque(Bsdf::Lambert(Lambert { reflectance: *reflectance })),
+        MaterialKind::OrenNayar { reflectance, sigma } => {
+            Material::Opaque(Bsdf::OrenNayar(OrenNayar { reflectance: *reflectance, sigma: *sigma }))
+        }
         MaterialKind::Mirror { reflectance } => Material::Opaque(Bsdf::Mirror(Mirror { reflectance: *reflectance })),
         MaterialKind::Dielectric { ior, roughness } => {
             Material::Dielectric(Dielectric { index: *ior, roughness: *roughness })

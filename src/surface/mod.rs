@@ -12,6 +12,7 @@ mod incidence;
 mod lambert;
 mod mirror;
 mod nature;
+mod oren_nayar;
 mod rough;
 mod smooth;
 
@@ -21,6 +22,7 @@ pub use incidence::{Incidence, Side};
 pub use lambert::Lambert;
 pub use mirror::Mirror;
 pub use nature::{Boundary, Drawn, Nature, Onward, Scattering, Straight};
+pub use oren_nayar::OrenNayar;
 pub use rough::Rough;
 pub use smooth::Smooth;
 
@@ -65,6 +67,8 @@ impl Material {
 pub enum Bsdf {
     /// Diffuse reflection.
     Lambert(Lambert),
+    /// Diffuse reflection by a rough surface.
+    OrenNayar(OrenNayar),
     /// Specular reflection.
     Mirror(Mirror),
     /// A smooth boundary between two indices of refraction.
@@ -77,16 +81,17 @@ impl Bsdf {
     /// How it spreads light.
     pub fn nature(&self) -> Nature {
         match self {
-            Bsdf::Lambert(_) => Nature::Diffuse,
+            Bsdf::Lambert(_) | Bsdf::OrenNayar(_) => Nature::Diffuse,
             Bsdf::Rough(_) => Nature::Glossy,
             Bsdf::Mirror(_) | Bsdf::Smooth(_) => Nature::Specular,
         }
     }
 
     /// The share of light that is not absorbed, of all that arrives as `at` says.
-    pub fn albedo(&self, _at: &Incidence) -> Rgb {
+    pub fn albedo(&self, at: &Incidence) -> Rgb {
         match self {
             Bsdf::Lambert(lambert) => lambert.reflectance,
+            Bsdf::OrenNayar(oren_nayar) => oren_nayar.albedo(at),
             Bsdf::Mirror(mirror) => mirror.reflectance,
             Bsdf::Smooth(_) | Bsdf::Rough(_) => Rgb::ONE,
         }
@@ -115,6 +120,7 @@ impl Bsdf {
         };
         match self {
             Bsdf::Lambert(lambert) => reflects(lambert.value(at, o)),
+            Bsdf::OrenNayar(oren_nayar) => reflects(oren_nayar.value(at, o)),
             Bsdf::Rough(rough) => rough.toward(at, o, side, both, weight, stream, part),
             Bsdf::Mirror(_) | Bsdf::Smooth(_) => {}
         }
@@ -134,6 +140,7 @@ impl Bsdf {
     ) -> Option<Onward> {
         let drawn = match self {
             Bsdf::Lambert(lambert) => lambert.sample(at, stream),
+            Bsdf::OrenNayar(oren_nayar) => oren_nayar.sample(at, stream),
             Bsdf::Mirror(mirror) => mirror.sample(at),
             Bsdf::Smooth(smooth) => return smooth.onward(at, side, lobe, weight, stream),
             Bsdf::Rough(rough) => return rough.onward(at, side, lobe, weight, stream),

@@ -9,7 +9,7 @@ use crate::medium::density::Density;
 use crate::medium::phase::{Draine, HenyeyGreenstein, Isotropic, Mixture, Phase, Rayleigh, Schlick};
 use crate::medium::{Emission, Medium};
 use crate::scene::Inside;
-use crate::surface::{Bsdf, Incidence, Lambert, Lobe, Mirror, Nature, Rough, Side, Smooth};
+use crate::surface::{Bsdf, Incidence, Lambert, Lobe, Mirror, Nature, OrenNayar, Rough, Side, Smooth};
 
 /// Something that scatters, and light that meets it.
 struct Case {
@@ -59,6 +59,9 @@ const PARTING: Rgb = Rgb::new(1.4, 1.5, 1.7);
 fn materials() -> Vec<(String, Bsdf, bool)> {
     let reflectance = Rgb::new(0.9, 0.5, 0.1);
     let mut all = vec![("lambert".to_string(), Bsdf::Lambert(Lambert { reflectance }), true)];
+    for sigma in [0.2, 1.5] {
+        all.push((format!("oren-nayar {sigma}"), Bsdf::OrenNayar(OrenNayar { reflectance, sigma }), true));
+    }
     let index = |n: f64| Rgb::splat(n);
     for (name, from, to) in [
         ("into glass", index(1.0), index(1.5)),
