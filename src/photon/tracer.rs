@@ -453,3 +453,69 @@ impl<'s> Flying<'_, 's> {
         Some(Heading { direction: onward.direction, clearance })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene;
+    use std::f64::consts::PI;
+
+    fn stored(text: &str, single_scattering: SingleScattering) -> (Traced, f64) {
+        let (scene, _) = scene::from_text(text);
+        let pass = Pass {
+            seed: 3,
+            index: 0,
+            target: 100_000,
+            max_emitted: 400_000,
+            max_events: Events::unlimited(),
+            single_scattering,
+        };
+        let traced = trace(&scene, &pass, &|_, _| {}, &|| false);
+        let first = traced.regions.iter().flatten().filter(|photon| photon.events == 0);
+        let power = first.map(|photon| f64::from(photon.power.x)).sum();
+        (traced, power)
+    }
+
+    /// The power that photons leave at their first collisions is what a ball of fog scatters of a lamp's light, however they are
+    /// emitted: bare, from the lamp within it, thin, so that collisions are forced, and far, so that they are aimed.
+    #[test]
+    fn first_collisions_carry_the_light_that_is_scattered() {
+        let fog = |sigma: f64, lamp: f64| {
+            format!(
+                "[camera]\nposition = [0, 0, 9]\ntarget = [0, 0, 0]\n[media.fog]\nsigma_t = {sigma}\nalbedo = 0.8\n\
+                 [[shapes]]\ntype = \"sphere\"\ncenter = [0, 0, 0]\nradius = 1.5\ninterior = \"fog\"\n\
+                 [[lights]]\ntype = \"point\"\nposition = [{lamp}, 0, 0]\nintensity = 2\n"
+            )
+        };
+        let power = 4.0 * PI * 2.0;
+        // ∫ dV/r² over a ball seen from outside.
+        let outside = |d: f64, r: f64| PI * (2.0 * r - (d * d - r * r) / d * ((d + r) / (d - r)).ln());
+        let seen = 2.0 * 0.8 * 1e-3 * outside(40.0, 1.5);
+        for (what, sigma, lamp, forced, expected) in [
+            ("bare", 1.0, 0.0, false, power * 0.8 * (1.0 - (-1.5f64).exp())),
+            ("forced", 1e-4, 0.0, true, power * 0.8 * 1.5e-4),
+            ("aimed and forced", 1e-3, 40.0, true, seen),
+        ] {
+            let (traced, found) = stored(&fog(sigma, lamp), SingleScattering::Photons);
+            assert_eq!(traced.forced, forced, "{what}");
+            assert!((found / expected - 1.0).abs() < 0.01, "{what}: {found}, not {expected}");
+        }
+    }
+
+    /// What lights are asked for is not stored: no photon comes straight from its lamp.
+    #[test]
+    fn light_that_is_asked_for_is_not_stored() {
+        let text = "[camera]\nposition = [0, 0, 9]\ntarget = [0, 0, 0]\n[media.fog]\nsigma_s = 2\n\
+                    [[shapes]]\ntype = \"sphere\"\ncenter = [0, 0, 0]\nradius = 1\ninterior = \"fog\"\n\
+                    [[lights]]\ntype = \"point\"\nposition = [0, 2, 0]\nintensity = 2\n";
+        let (all, first) = stored(text, SingleScattering::Photons);
+        let (rest, none) = stored(text, SingleScattering::Traced);
+        assert!(first > 0.0 && none == 0.0, "{first} {none}");
+        let later = |traced: &Traced| -> f64 {
+            let photons = traced.regions.iter().flatten().filter(|photon| photon.events > 0);
+            photons.map(|photon| f64::from(photon.power.x)).sum()
+        };
+        let (a, b) = (later(&all), later(&rest));
+        assert!((a / b - 1.0).abs() < 0.02, "{a} {b}");
+    }
+}

@@ -22,3 +22,10 @@ pub use read::{parse, read};
 pub use settings::Settings;
 pub use study::{Study, StudyReference, StudyVariant, is_plain, read_study};
 pub use world::{Inside, Scene, Solid, Surface};
+
+/// A scene from the text of a scene file, for tests of what lies above.
+#[cfg(test)]
+pub(crate) fn from_text(text: &str) -> (Scene, Settings) {
+    let description = parse(text, std::path::Path::new("scene.toml"), &[]).unwrap_or_else(|error| panic!("{error}"));
+    build(&description).unwrap_or_else(|error| panic!("{error}"))
+}

@@ -211,3 +211,78 @@ impl<'s, T: Traveller<'s>> Visitor for Passage<'_, 's, T> {
         self.traveller.crossing(crossing, self.luggage);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Rgb;
+    use crate::math::random::Purpose;
+    use crate::scene;
+
+    /// Splits in two at each of its first events, and ends at the next.
+    struct Splitting<'s> {
+        scene: &'s Scene,
+        stream: Stream,
+        splits: u64,
+        /// The weight that came to an end, and in how many parts.
+        ended: (f64, u64),
+        /// Parts that waited at one time, at most.
+        waiting: usize,
+    }
+
+    impl<'s> Traveller<'s> for Splitting<'s> {
+        type Own = ();
+
+        fn scene(&self) -> &'s Scene {
+            self.scene
+        }
+
+        fn stream(&mut self) -> &mut Stream {
+            &mut self.stream
+        }
+
+        fn segment(&mut self, segment: &Segment<'_>, _: &mut Luggage<()>, _: &mut Parts<'s, ()>) -> ControlFlow<f64> {
+            ControlFlow::Break(segment.a + 1.0)
+        }
+
+        fn turn(
+            &mut self,
+            at: Vertex<'_>,
+            walk: &Walk<'s>,
+            luggage: &mut Luggage<()>,
+            parts: &mut Parts<'s, ()>,
+        ) -> Option<Heading> {
+            let Vertex::Medium(at) = at else { panic!("there is no surface") };
+            assert_eq!(at.point, walk.ray.at(at.t));
+            luggage.events += 1;
+            if luggage.events > self.splits {
+                self.ended = (self.ended.0 + luggage.weight.x, self.ended.1 + 1);
+                return None;
+            }
+            luggage.weight *= 0.5;
+            let mut walk = walk.clone();
+            walk.turn(at.t, -at.direction);
+            parts.push(Part { walk, luggage: luggage.clone(), collision: None });
+            self.waiting = self.waiting.max(parts.len());
+            Some(Heading { direction: at.direction, clearance: None })
+        }
+
+        fn stopped(&mut self) {
+            panic!("it ends by itself");
+        }
+    }
+
+    /// All parts are followed, each once, and no more of them wait than there are splits on one way.
+    #[test]
+    fn all_parts_are_followed() {
+        let (scene, _) = scene::from_text(
+            "[camera]\nposition = [0, 0, 1]\ntarget = [0, 0, 0]\n[world]\nmedium = \"air\"\n[media.air]\nsigma_s = 1\n",
+        );
+        let stream = Stream::new(1, Purpose::Test, 0, 0);
+        let mut splitting = Splitting { scene: &scene, stream, splits: 10, ended: (0.0, 0), waiting: 0 };
+        let walk = Walk::new(&scene, crate::math::Ray::new(DVec3::ZERO, DVec3::X), scene.inside(DVec3::ZERO));
+        let start = Part { walk, luggage: Luggage::new(Rgb::ONE, ()), collision: Some((0.5, 0)) };
+        travel(&mut splitting, start, &mut Parts::new());
+        assert_eq!((splitting.ended, splitting.waiting), ((1.0, 1 << 10), 10));
+    }
+}

@@ -41,7 +41,7 @@ impl Case {
     }
 }
 
-fn interaction(bsdf: Bsdf, incidence: Incidence) -> Interaction {
+pub(super) fn interaction(bsdf: Bsdf, incidence: Incidence) -> Interaction {
     let (before, after) = (Inside::default(), Inside::default());
     Interaction { point: DVec3::ZERO, incidence, t: 1.0, shape: 0, bsdf, offset: 1e-9, before, after }
 }
@@ -71,7 +71,7 @@ fn materials() -> Vec<(String, Bsdf, bool)> {
         ("into flint that disperses", index(1.0), PARTING),
         ("out of flint that disperses", PARTING, index(1.0)),
     ] {
-        for alpha in [0.02, 0.3, 1.0] {
+        for alpha in [0.1, 0.3, 1.0] {
             all.push((format!("rough {name}, α {alpha}"), Bsdf::Rough(Rough { from, to, alpha }), false));
         }
     }
@@ -119,7 +119,7 @@ fn cases(lean: f64) -> Vec<Case> {
     all
 }
 
-fn random(index: usize) -> Stream {
+pub(super) fn random(index: usize) -> Stream {
     Stream::new(77, Purpose::Test, index as u64, 0)
 }
 
@@ -200,10 +200,12 @@ fn polar(o: DVec3) -> (f64, f64) {
 
 /// Drawn weights against the mean of the value, and numbers of draws against the density where that is exact: χ² over cells of
 /// the sphere, small where many are drawn. What the cells sum up to is the albedo.
-fn assert_draws_follow(case: &Case, index: usize, side: Side) {
+fn draws_follow(case: &Case, index: usize, side: Side, failed: &mut Vec<String>) {
     const N: usize = 30_000;
     const MOST: usize = 400;
-    const STRATA: usize = 10;
+    // Light that comes back from facets beyond the first is seldom sent, and then much of it.
+    let strata = if case.exact { 10 } else { 32 };
+    let count = (strata * strata) as f64;
     case.of(|at| {
         let mut stream = random(index);
         let drawn: Vec<((f64, f64), Rgb)> = (0..N)
@@ -230,12 +232,12 @@ fn assert_draws_follow(case: &Case, index: usize, side: Side) {
         let (mut chi2, mut degrees, mut total) = (0.0, 0.0f64, [Rgb::ZERO; 2]);
         let mut rest = [[0.0; 4]; 2];
         for (cell, drawn) in &cells {
-            let area = cell.solid_angle() / (STRATA * STRATA) as f64;
+            let area = cell.solid_angle() / count;
             let mut integrals = [[0.0; 2]; 2];
-            for k in 0..STRATA * STRATA {
+            for k in 0..strata * strata {
                 let jitter = stream.uniform2();
-                let place = [(k / STRATA) as f64 + jitter[0], (k % STRATA) as f64 + jitter[1]];
-                let o = cell.direction(place.map(|x| x / STRATA as f64));
+                let place = [(k / strata) as f64 + jitter[0], (k % strata) as f64 + jitter[1]];
+                let o = cell.direction(place.map(|x| x / strata as f64));
                 let (value, density) = toward(at, o, side, &mut stream);
                 total[1] += value * area;
                 for (sum, x) in integrals.iter_mut().zip([value.y, density.y]) {
@@ -254,7 +256,6 @@ fn assert_draws_follow(case: &Case, index: usize, side: Side) {
                     continue;
                 }
                 // No stratum is known better than a few per cent of its variation.
-                let count = (STRATA * STRATA) as f64;
                 let off = (squares - integral * integral / count).max(0.0);
                 let row = [sum, integral, variance, off];
                 if drawn.len() >= 20 {
@@ -268,24 +269,30 @@ fn assert_draws_follow(case: &Case, index: usize, side: Side) {
         }
         for [sum, integral, variance, off] in rest {
             let error = variance + off + (0.03 * integral).powi(2) + 1e-8;
-            assert!((sum - integral).powi(2) < 20.0 * error, "{}: {sum} is drawn aside, not {integral}", case.name);
+            if (sum - integral).powi(2) > 20.0 * error {
+                failed.push(format!("{}: {sum} is drawn aside, not {integral}", case.name));
+            }
         }
         let limit = degrees + 5.0 * (2.0 * degrees).sqrt();
-        assert!(degrees > 20.0 && chi2 < limit, "{}: χ² {chi2:.0} over {degrees} cells", case.name);
+        if degrees < 20.0 || chi2 > limit {
+            failed.push(format!("{}: χ² {chi2:.0} over {degrees} cells", case.name));
+        }
 
         // All of them.
         let off = (total[0] - total[1]).abs().max_element();
-        assert!(off < 0.03, "{}: {} drawn, {} sent", case.name, total[0], total[1]);
+        if off > 0.03 {
+            failed.push(format!("{}: {} drawn, {} sent", case.name, total[0], total[1]));
+        }
     });
 }
 
 #[test]
 fn draws_follow_values_and_densities() {
+    let mut failed = Vec::new();
     for (index, case) in cases(0.0).iter().enumerate() {
-        for side in [Side::Light, Side::Eye] {
-            assert_draws_follow(case, index, side);
-        }
+        draws_follow(case, index, if index % 2 == 0 { Side::Light } else { Side::Eye }, &mut failed);
     }
+    assert!(failed.is_empty(), "{failed:#?}");
 }
 
 /// What is drawn carries the albedo on average, as power: nothing is lost and nothing made. Eyes that look about a shading
@@ -341,11 +348,13 @@ fn reversed(at: &Interaction, o: DVec3) -> Interaction {
 /// the side. Without a shading normal that is reciprocity.
 #[test]
 fn light_and_eye_see_the_same() {
+    const PAIRS: u32 = 100;
+    let mut failed = Vec::new();
     for lean in [0.0, 0.3] {
         for (name, bsdf, exact) in materials() {
             let mut stream = random(2000);
             let (mut chi2, mut pairs) = (0.0, 0);
-            while pairs < 200 {
+            while pairs < PAIRS {
                 let i = -sampling::direction(stream.uniform().max(0.02), stream.uniform());
                 let at = interaction(bsdf, Incidence { direction: i, ..incidence(0.0, lean) });
                 let o = sampling::sphere(stream.uniform2());
@@ -355,7 +364,7 @@ fn light_and_eye_see_the_same() {
                 if !faces(&at) || !faces(&back) || (o.dot(g) < 0.0) != (o.dot(s) < 0.0) {
                     continue;
                 }
-                let times = if exact { 1 } else { 400 };
+                let times = if exact { 1 } else { 1500 };
                 let mut mean = |at: &Interaction, o: DVec3, side: Side, cos: f64| {
                     let (mut sum, mut squares) = (0.0, 0.0);
                     for _ in 0..times {
@@ -372,9 +381,12 @@ fn light_and_eye_see_the_same() {
                 chi2 += ((light - eye).powi(2) / error).min(25.0);
                 pairs += 1;
             }
-            assert!(chi2 < 200.0 + 6.0 * 20.0, "{name}, leaning {lean}: χ² {chi2:.0} of 200 pairs");
+            if chi2 > f64::from(PAIRS) + 6.0 * (2.0 * f64::from(PAIRS)).sqrt() {
+                failed.push(format!("{name}, leaning {lean}: χ² {chi2:.0} of {PAIRS} pairs"));
+            }
         }
     }
+    assert!(failed.is_empty(), "{failed:#?}");
 }
 
 /// Specular kinds answer no question about a density; smooth boundaries split light into parts that make up all of it.

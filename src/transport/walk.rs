@@ -204,3 +204,100 @@ impl<'s> Walk<'s> {
         Walk::new(scene, *segment.ray, segment.inside.clone())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::random::Purpose;
+    use crate::math::{Stream, sampling};
+    use crate::scene;
+    use std::convert::Infallible;
+
+    /// Where segments begin and end, and their media.
+    #[derive(Default)]
+    struct Passed(Vec<(f64, f64, u32)>);
+
+    impl Visitor for Passed {
+        type End = Infallible;
+
+        fn segment(&mut self, segment: &Segment<'_>) -> ControlFlow<Infallible> {
+            self.0.push((segment.a, segment.b, segment.medium));
+            ControlFlow::Continue(())
+        }
+    }
+
+    /// Solids that overlap, touch and lie in one another, in a world that is filled.
+    const NESTED: &str = r#"
+[camera]
+position = [0, 0, 9]
+target = [0, 0, 0]
+[world]
+medium = "air"
+[media.air]
+sigma_s = 0.1
+[media.a]
+sigma_s = 1
+[media.b]
+sigma_s = 2
+[media.c]
+sigma_s = 3
+[[shapes]]
+type = "sphere"
+center = [0, 0, 0]
+radius = 2
+interior = "a"
+priority = 1
+[[shapes]]
+type = "box"
+min = [-1, -1, -1]
+max = [1, 1, 1]
+interior = "b"
+priority = 3
+[[shapes]]
+type = "sphere"
+center = [1.5, 0, 0]
+radius = 1
+interior = "c"
+priority = 2
+[[shapes]]
+type = "box"
+min = [1, -1, -1]
+max = [1.5, 1, 1]
+interior = "a"
+priority = 3
+"#;
+
+    /// Segments follow one another without gap or overlap to the end of the line, each in the medium of the solids around its
+    /// middle; a walk that starts again half-way finds the rest.
+    #[test]
+    fn segments_tile_the_line() {
+        let (scene, _) = scene::from_text(NESTED);
+        let mut stream = Stream::new(41, Purpose::Test, 0, 0);
+        let mut most = 0;
+        for _ in 0..3000 {
+            let origin = 3.0 * (stream.uniform() - 0.2) * sampling::sphere(stream.uniform2());
+            let direction = sampling::sphere(stream.uniform2()).normalize();
+            let mut passed = Passed::default();
+            let mut walk = Walk::new(&scene, Ray::new(origin, direction), scene.inside(origin)).until(20.0);
+            assert!(matches!(walk.advance(&mut passed), Stop::Escaped));
+            let mut end = 0.0;
+            for &(a, b, medium) in &passed.0 {
+                assert!((a - end).abs() < 1e-9 && b >= a, "{origin} {direction}: {:?}", passed.0);
+                let middle = origin + 0.5 * (a + b) * direction;
+                if b - a > 1e-6 {
+                    assert_eq!(scene.medium(&scene.inside(middle)), Some(medium), "{origin} {direction} at {middle}");
+                }
+                end = b;
+            }
+            assert_eq!(end, 20.0);
+            most = most.max(passed.0.len());
+
+            let mut rest = Passed::default();
+            walk = Walk::new(&scene, Ray::new(origin, direction), scene.inside(origin)).until(20.0);
+            walk.turn(0.0, direction);
+            walk.advance(&mut rest);
+            assert_eq!(rest.0.len(), passed.0.len());
+        }
+        assert!(most >= 6, "rays met {most} segments at most");
+    }
+}

@@ -285,3 +285,99 @@ impl<'s> Looking<'_, '_, 's> {
         Some(Heading { direction: onward.direction, clearance: None })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::random::Purpose;
+    use crate::math::sampling;
+    use crate::scene;
+
+    /// Fog, glass smooth and rough that holds fog, and white walls under an even sky: nothing absorbs, so nothing is seen, whatever
+    /// a path meets and however it deals with media.
+    const WHITE: &str = r#"
+[camera]
+position = [0, 0, 5]
+target = [0, 0, 0]
+[world]
+medium = "thin"
+[media.thin]
+sigma_s = 0.05
+density = { type = "exponential", up = [0, 1, 0], scale_height = 1.0 }
+[media.thick]
+sigma_s = [0.5, 1, 2]
+phase = { type = "hg", g = 0.7 }
+[materials.white]
+type = "lambert"
+reflectance = 1
+[materials.mirror]
+type = "mirror"
+[materials.glass]
+type = "dielectric"
+ior = [1.4, 1.5, 1.6]
+[materials.frosted]
+type = "dielectric"
+roughness = 0.4
+[[shapes]]
+type = "sphere"
+center = [-1.2, 0, 0]
+radius = 1
+material = "glass"
+interior = "thick"
+[[shapes]]
+type = "sphere"
+center = [1.2, 0, 0]
+radius = 1
+material = "frosted"
+interior = "thick"
+[[shapes]]
+type = "sphere"
+center = [0, 2, 0]
+radius = 0.8
+material = "white"
+[[shapes]]
+type = "sphere"
+center = [0, -2, 0]
+radius = 0.8
+material = "mirror"
+[[lights]]
+type = "environment"
+radiance = 1
+"#;
+
+    #[test]
+    fn nothing_is_seen_where_nothing_absorbs() {
+        const N: u64 = 4000;
+        let (scene, _) = scene::from_text(WHITE);
+        for (what, mode) in [("track", Mode::Track), ("split", Mode::Split)] {
+            let settings = EyeSettings {
+                mode,
+                max_events: Events::unlimited(),
+                single_scattering: SingleScattering::Photons,
+                marchers: None,
+            };
+            let eye = Eye::new(&scene, settings);
+            let (mut queue, mut parts, mut tally) = (Queue::default(), Parts::new(), Tally::default());
+            let (mut sum, mut squares) = (Rgb::ZERO, Rgb::ZERO);
+            for index in 0..N {
+                let mut stream = Stream::new(9, Purpose::Test, index, 0);
+                let origin = 5.0 * sampling::sphere(stream.uniform2());
+                let target = 2.5 * sampling::sphere(stream.uniform2());
+                let ray = Ray::new(origin, (target - origin).normalize());
+                let mut context =
+                    Context { stream: &mut stream, queue: &mut queue, pixel: 0, tally: &mut tally, parts: &mut parts };
+                let seen: Rgb = eye.look(ray, scene.inside(origin), &mut context).radiance.iter().sum();
+                sum += seen;
+                squares += seen * seen;
+            }
+            let n = N as f64;
+            let mean = sum / n;
+            let error = ((squares / n - mean * mean) / n).map(f64::sqrt);
+            let off = (mean - Rgb::ONE).abs();
+            assert!(parts.is_empty() && tally.broken == 0);
+            for channel in 0..3 {
+                assert!(off[channel] < 4.5 * error[channel] && error[channel] < 0.03, "{what}: {mean} ± {error}");
+            }
+        }
+    }
+}
