@@ -12,7 +12,6 @@ use std::path::PathBuf;
 use volpm::math::random::{Purpose, Stream};
 use volpm::math::{Ray, Vec3};
 use volpm::medium::Medium;
-use volpm::medium::phase::Deflection;
 use volpm::photon::{self, Disc, MapSettings, Pass, PhotonMap, Radius};
 use volpm::render::Camera;
 use volpm::scene::description::SingleScattering;
@@ -44,7 +43,7 @@ fn meet(discs: &[Disc], medium: &Medium, ray: &Ray) -> (Vec<Met>, f64) {
         if t <= 0.0 || q <= 0.0 {
             continue;
         }
-        let phase = medium.phase.value(Deflection::between(disc.photon.direction.as_dvec3(), -ray.direction));
+        let phase = medium.phase.value(disc.photon.direction.as_dvec3(), -ray.direction);
         let transmittance = (-medium.extinction.x * t).exp();
         let power = f64::from(disc.photon.power.x) * inverse_square * transmittance;
         let value = power * q * q * phase;

@@ -6,10 +6,11 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 use smallvec::SmallVec;
-use volpm::gather::{BeamQuery, GatherStats, Lobe, PhaseLanes};
+use volpm::gather::{BeamQuery, GatherStats, PhaseLanes};
 use volpm::image::Image;
 use volpm::math::random::Purpose;
 use volpm::math::{DVec3, Stream, Vec3};
+use volpm::medium::phase::HenyeyGreenstein;
 use volpm::photon::{self, MapSettings, Pass, PhotonMap, Plane, Radius, walls};
 use volpm::render::Camera;
 use volpm::scene::Settings;
@@ -85,7 +86,7 @@ fn bands(seed: u64) -> [[[f64; 2]; 3]; 2] {
     let middle = DVec3::new(0.0, 1.0, 0.0) - scene.center;
     let photons = &traced.regions[scene.region(&scene.inside(middle)) as usize];
     let fog = scene.geometry.bounds(scene.solids[0].shape);
-    let phase = PhaseLanes::new(Lobe::HenyeyGreenstein(0.3));
+    let phase = PhaseLanes::new(HenyeyGreenstein { g: 0.3 });
     [true, false].map(|boundaries| {
         RADII.map(|radius| {
             let settings = MapSettings { boundaries, ..MapSettings::new(Radius::Fixed(radius as f32)) };

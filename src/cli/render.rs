@@ -2,7 +2,6 @@
 
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use clap::Args;
@@ -16,7 +15,7 @@ use super::values;
 use super::watch::Watch;
 use crate::compare::peak_bytes;
 use crate::image::{self, Format};
-use crate::medium::density::Density;
+use crate::medium::density;
 use crate::render::checkpoint::Subject;
 use crate::render::{self, Checkpoint, End, Film, Limits, Rendering, Stats};
 use crate::scene::description::Description;
@@ -263,8 +262,7 @@ fn describe(scene: &Scene) {
                 medium.name, min.x, min.y, min.z, max.x, max.y, max.z
             ));
         } else {
-            let kind =
-                if matches!(medium.density, Density::Uniform) { "the same everywhere" } else { "without an end" };
+            let kind = if medium.density.is_even() { "the same everywhere" } else { "without an end" };
             super::tell(format_args!("medium {}: {kind}, extinction up to ({sigma})", medium.name));
         }
     }
@@ -336,17 +334,7 @@ impl Report {
         total: f64,
     ) -> Self {
         let stats = &rendering.stats;
-        let mut seen = Vec::new();
-        let mut density = 0;
-        for medium in &scene.media {
-            if let Density::Grid(grid) = &medium.density {
-                let voxels = Arc::as_ptr(grid.voxels());
-                if !seen.contains(&voxels) {
-                    seen.push(voxels);
-                    density += grid.voxels().bytes() as u64;
-                }
-            }
-        }
+        let density = density::bytes(scene.media.iter().map(|medium| &medium.density));
         Report {
             scene: description.path.display().to_string(),
             method: method_name(description.render.method),

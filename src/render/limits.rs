@@ -6,7 +6,7 @@ use std::time::Duration;
 use super::exact;
 use super::eye::Component;
 use super::film::{Film, Layers};
-use crate::medium::density::Density;
+use crate::medium::density;
 use crate::scene::description::{Estimate, Kernel, Volume};
 use crate::scene::{Scene, Settings};
 use crate::{Error, Result};
@@ -95,7 +95,7 @@ impl Limits {
         let Some(memory) = self.memory else { return Ok(parts) };
         let (layers, several) = self.film_of(settings, parts);
         let film = |several| Film::bytes(settings.film.width, settings.film.height, layers, several);
-        let fixed = PROGRAM_BYTES + densities(scene);
+        let fixed = PROGRAM_BYTES + density::bytes(scene.media.iter().map(|medium| &medium.density));
         let each = photon_bytes(scene, &settings.volume);
         let bytes = |parts: u64| fixed + film(several || parts > 1) + photons.div_ceil(parts) * each;
         if bytes(parts as u64) <= memory {
@@ -123,28 +123,10 @@ fn photon_bytes(scene: &Scene, volume: &Volume) -> u64 {
     let beams = volume.estimate == Estimate::Beam;
     let radius = if beams && volume.kernel == Kernel::Variable { RADIUS_BYTES } else { 0 };
     let walls = if beams && !scene.surfaces.is_empty() { WALL_BYTES } else { 0 };
-    let uneven = |medium: Option<u32>| {
-        medium.is_some_and(|index| matches!(scene.media[index as usize].density, Density::Grid(_)))
-    };
+    let uneven =
+        |medium: Option<u32>| medium.is_some_and(|index| scene.media[index as usize].density.voxels().is_some());
     let follows = beams && scene.solids.iter().any(|solid| uneven(solid.medium));
     PHOTON_BYTES + radius + walls + if follows { DENSITY_BYTES } else { 0 }
-}
-
-/// Bytes of all grids.
-fn densities(scene: &Scene) -> u64 {
-    let grids = scene.media.iter().filter_map(|medium| match &medium.density {
-        Density::Grid(grid) => Some(grid.voxels()),
-        _ => None,
-    });
-    let mut seen: Vec<_> = Vec::new();
-    let mut bytes = 0;
-    for voxels in grids {
-        if !seen.iter().any(|other| std::sync::Arc::ptr_eq(voxels, other)) {
-            bytes += voxels.bytes() as u64;
-            seen.push(voxels.clone());
-        }
-    }
-    bytes
 }
 
 /// A number of bytes in words.

@@ -522,7 +522,7 @@ fn uneven_density(scene: &Scene, region: u32) -> Option<&Density> {
     let mut media = scene.solids.iter().filter(|solid| solid.region == region).map(|solid| solid.medium);
     let first = media.next().filter(|_| region != scene.world_region)??;
     let density = &scene.media[first as usize].density;
-    (matches!(density, Density::Grid(_)) && media.all(|medium| medium == Some(first))).then_some(density)
+    (density.voxels().is_some() && media.all(|medium| medium == Some(first))).then_some(density)
 }
 
 fn point_maps(scene: &Scene, points: &Points, scale: f32, regions: Vec<Vec<Photon>>) -> PointMaps {
@@ -598,15 +598,14 @@ pub(super) fn mean_extinctions(scene: &Scene, regions: &[Vec<Photon>]) -> Vec<f6
 /// The largest channel's extinction where a region's photons are, on average.
 fn mean_extinction(scene: &Scene, region: u32, photons: &[Photon]) -> f64 {
     let Some(medium) = medium_of(scene, region).filter(|_| !photons.is_empty()) else { return 0.0 };
-    let density: f64 = match medium.density {
-        Density::Uniform => 1.0,
-        _ => {
-            // A few thousand tell enough.
-            let step = photons.len().div_ceil(4096);
-            let some: Vec<f64> =
-                photons.iter().step_by(step).map(|photon| medium.density.at(photon.position.as_dvec3())).collect();
-            some.iter().sum::<f64>() / some.len() as f64
-        }
+    let density: f64 = if medium.density.is_even() {
+        1.0
+    } else {
+        // A few thousand tell enough.
+        let step = photons.len().div_ceil(4096);
+        let some: Vec<f64> =
+            photons.iter().step_by(step).map(|photon| medium.density.at(photon.position.as_dvec3())).collect();
+        some.iter().sum::<f64>() / some.len() as f64
     };
     medium.extinction.max_element() * density
 }

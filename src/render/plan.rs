@@ -1,19 +1,17 @@
 //! What a scene needs, decided once, before anything is traced.
 
+use crate::Result;
 use crate::gather::march::{Marcher, Stepping};
-use crate::math::random::Purpose;
-use crate::math::{DVec3, Rgb, Stream};
 use crate::medium::Medium;
 use crate::photon::kernel::Profile;
 use crate::photon::{Ball, PointSettings, Radius};
 use crate::scene::description::{self, Estimate, Kernel, March, Method, SingleScattering, Step, Volume};
 use crate::scene::{Inside, Scene, Settings};
-use crate::transport::{Crossing, Events, Segment, Side, Stop, Tally, Visitor, Walk, fly, survive};
-use crate::{Error, Result};
-use std::ops::ControlFlow;
+use crate::transport::Events;
 
 use super::camera::Camera;
 use super::limits::Limits;
+use super::pilot::Pilot;
 
 /// The decisions.
 #[derive(Clone, Debug)]
@@ -83,10 +81,6 @@ const MAX_RADIUS_SHARE: f64 = 0.1;
 const STEPS: f64 = 64.0;
 /// Steps are not shorter than this share of that, however dense a medium is.
 const SHORTEST_STEP: f64 = 1.0 / 16.0;
-/// Camera paths that tell how often paths collide.
-const PILOT: u64 = 2000;
-/// Where fewer paths than this share collide, they split.
-const RARE: f64 = 0.01;
 
 impl Plan {
     /// Decides.
@@ -96,7 +90,7 @@ impl Plan {
     pub fn new(scene: &Scene, settings: &Settings, camera: &Camera, limits: &Limits) -> Result<Plan> {
         let Settings { film, render, volume, .. } = settings;
         let max_events = Events::of_max_depth(render.max_depth);
-        let pilot = Pilot { scene, camera, size: (film.width, film.height), seed: render.seed };
+        let pilot = Pilot { scene, camera, seed: render.seed };
         if !max_events.is_limited() {
             pilot.refuse_eternity()?;
         }
@@ -243,119 +237,4 @@ fn extent_of_media(scene: &Scene) -> f64 {
         return scene.bounds().diagonal().max(f64::MIN_POSITIVE);
     }
     bounds.diagonal()
-}
-
-/// A few paths that tell what a scene is like.
-struct Pilot<'s> {
-    scene: &'s Scene,
-    camera: &'s Camera,
-    /// Pixels across and down.
-    size: (u32, u32),
-    seed: u64,
-}
-
-/// Walks by chance, counting collisions.
-struct Wander<'s, 't> {
-    scene: &'s Scene,
-    weight: Rgb,
-    stream: &'t mut Stream,
-    collision: Option<(f64, u32)>,
-}
-
-impl Visitor for Wander<'_, '_> {
-    fn segment(&mut self, segment: &Segment<'_>) -> ControlFlow<()> {
-        let medium = &self.scene.media[segment.medium as usize];
-        let range = (segment.a, segment.b);
-        let mut tally = Tally::default();
-        match fly(medium, segment.ray, range, &mut self.weight, self.stream, &mut tally, |_, _| {}) {
-            Some(t) => {
-                self.collision = Some((t, segment.medium));
-                ControlFlow::Break(())
-            }
-            None => ControlFlow::Continue(()),
-        }
-    }
-
-    fn crossing(&mut self, _: &Crossing<'_>) {}
-}
-
-/// How a walk of the pilot went.
-enum Wandered {
-    Ended { collided: bool },
-    TooLong,
-}
-
-fn wander(scene: &Scene, ray: crate::math::Ray, inside: Inside, most: u64, stream: &mut Stream) -> Wandered {
-    let mut walk = Walk::start(scene, ray, inside);
-    let mut weight = Rgb::ONE;
-    let mut collided = false;
-    for _ in 0..most {
-        let mut visitor = Wander { scene, weight, stream, collision: None };
-        let stop = walk.advance(&mut visitor);
-        weight = visitor.weight;
-        let collision = visitor.collision;
-        match (stop, collision) {
-            (Stop::Ended, Some((t, medium))) => {
-                collided = true;
-                let medium = &scene.media[medium as usize];
-                if !survive(&mut weight, medium.albedo, stream) {
-                    return Wandered::Ended { collided };
-                }
-                let (direction, _): (DVec3, f64) = medium.phase.sample(walk.ray.direction, stream);
-                walk.turn(t, direction);
-            }
-            (Stop::Surface(at), _) => match at.scatter(Side::Light, &mut weight, stream) {
-                Some(direction) => walk.leave(&at, direction),
-                None => return Wandered::Ended { collided },
-            },
-            _ => return Wandered::Ended { collided },
-        }
-    }
-    Wandered::TooLong
-}
-
-impl Pilot<'_> {
-    /// Walks from a place of the film.
-    fn walk(&self, most: u64, stream: &mut Stream) -> Wandered {
-        let x = (stream.uniform() * self.size.0 as f64) as u32;
-        let y = (stream.uniform() * self.size.1 as f64) as u32;
-        let ray = self.camera.ray(x, y, stream);
-        wander(self.scene, ray, self.scene.inside(ray.origin), most, stream)
-    }
-
-    fn collisions_are_rare(&self, parts: u32) -> bool {
-        const LONG_ENOUGH: u64 = 1000;
-        let mut collided = 0;
-        for index in 0..PILOT {
-            let mut stream = Stream::new(self.seed, Purpose::Pilot, index, parts as u64);
-            if !matches!(self.walk(LONG_ENOUGH, &mut stream), Wandered::Ended { collided: false }) {
-                collided += 1;
-            }
-        }
-        (collided as f64) < RARE * PILOT as f64
-    }
-
-    /// Where nothing absorbs, nothing escapes, and no limit ends a path, there is no steady state.
-    fn refuse_eternity(&self) -> Result<()> {
-        let scene = self.scene;
-        let absorbs = |albedo: Rgb| albedo.min_element() < 1.0;
-        let surfaces = scene.surfaces.iter().filter_map(|surface| surface.material.reflectance()).any(absorbs);
-        let media = scene.media.iter().any(|medium| !medium.is_clear() && absorbs(medium.albedo));
-        if surfaces || media {
-            return Ok(());
-        }
-        // Nothing absorbs: does anything escape?
-        const WALKS: u64 = 32;
-        const LONG: u64 = 100_000;
-        for index in 0..WALKS {
-            let mut stream = Stream::new(self.seed, Purpose::Pilot, index, u64::MAX);
-            if matches!(self.walk(LONG, &mut stream), Wandered::Ended { .. }) {
-                return Ok(());
-            }
-        }
-        Err(Error::Scene(
-            "light in this scene neither escapes nor is absorbed, so it has no steady state: open the scene, lower a reflectance or an albedo below 1, or limit render.max_depth"
-                .to_string(),
-        ))
-    }
 }

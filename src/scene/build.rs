@@ -16,10 +16,9 @@ use crate::light::{Area, Light, Profile, Sides, Surroundings};
 use crate::math::{Bounds, DAffine3, DVec3, Rgb};
 use crate::medium::black_body::BlackBody;
 use crate::medium::density::bricks::{BrickGrid, Interpolation, NegativePolicy};
-use crate::medium::density::{Density, Exponential, Grid, Noise, npy, vdb};
-use crate::medium::phase::{HenyeyGreenstein, Isotropic, Mixture, Phase, Rayleigh, Schlick, mie};
+use crate::medium::density::{Density, Grid, npy, vdb};
 use crate::medium::{Emission, Medium};
-use crate::surface::{Dielectric, Lambert, Material, Mirror};
+use crate::surface::{Bsdf, Dielectric, Lambert, Material, Mirror, OrenNayar};
 use crate::{Error, Result};
 
 /// Loads and builds a scene. With it come the settings that its file gives for the picture.
@@ -165,7 +164,7 @@ impl<'d> Builder<'d> {
         for (index, shape, transform, instance) in shapes {
             let said = &self.description.shapes[*index];
             let Some(interior) = &said.interior else { continue };
-            if !matches!(self.description.media[interior.value].density, said::Density::Noise { .. }) {
+            if !self.description.media[interior.value].density.fills_shapes() {
                 continue;
             }
             let transform = match instance {
@@ -219,8 +218,8 @@ impl<'d> Builder<'d> {
     /// The medium at `index` of the description, carried along by an instance: an index into `media`.
     fn medium(&mut self, index: usize, instance: Option<usize>) -> Result<u32> {
         // What does not depend on the place is not carried.
-        let uniform = matches!(self.description.media[index].density, said::Density::Constant { .. });
-        let key = (index, if uniform { None } else { instance });
+        let even = self.description.media[index].density.even().is_some();
+        let key = (index, if even { None } else { instance });
         if let Some(&medium) = self.carried.get(&key) {
             return Ok(medium);
         }
@@ -233,16 +232,7 @@ impl<'d> Builder<'d> {
             Some(instance) => self.moved() * self.description.shapes[instance].transform,
             None => self.moved(),
         };
-        match &mut medium.density {
-            Density::Uniform => {}
-            Density::Exponential(air) => {
-                // h = (x − origin)·up with x taken back to the file's coordinates.
-                let back = carry.inverse();
-                air.origin = carry.transform_point3(air.origin);
-                air.up = back.matrix3.transpose() * air.up;
-            }
-            Density::Grid(grid) => *grid = grid.moved(carry),
-        }
+        medium.density = medium.density.moved(carry);
         if let Emission::BlackBody { temperature, .. } = &mut medium.emission {
             **temperature = temperature.moved(carry);
         }
@@ -260,14 +250,8 @@ impl<'d> Builder<'d> {
                 extinction *= *value;
                 Density::Uniform
             }
-            said::Density::Exponential { origin, up, scale_height, value } => Density::Exponential(Exponential {
-                origin: *origin,
-                up: *up,
-                scale_height: *scale_height,
-                value: *value,
-            }),
-            said::Density::Noise { scale, octaves, threshold, seed } => {
-                let noise = Noise { scale: *scale, octaves: *octaves, threshold: *threshold, seed: *seed };
+            said::Density::Exponential(air) => Density::Exponential(*air),
+            said::Density::Noise(noise) => {
                 let extents = self.extents.get(&index).map_or(&[][..], Vec::as_slice);
                 Density::Grid(noise.sample(extents).map_err(|error| said.place.error(error))?)
             }
@@ -284,15 +268,15 @@ impl<'d> Builder<'d> {
                 Density::Grid(self.vdb(file, grid.as_ref(), *transform, interpolation, negative)?)
             }
         };
-        let emission = match (&said.emission, &said.density) {
-            (None, _) => Emission::None,
-            (Some(said::MediumEmission::Constant { radiance }), _) => Emission::Uniform(*radiance),
-            (
-                Some(said::MediumEmission::BlackBody { temperature, kelvin_scale, scale }),
-                said::Density::Vdb { file, transform, .. },
-            ) => {
+        let emission = match &said.emission {
+            None => Emission::None,
+            Some(said::MediumEmission::Constant { radiance }) => Emission::Uniform(*radiance),
+            Some(said::MediumEmission::BlackBody { temperature, kelvin_scale, scale }) => {
+                let Some((file, transform)) = said.density.grids() else {
+                    return Err(temperature.place.error("a grid of temperatures needs a density of type \"vdb\""));
+                };
                 let grid =
-                    self.vdb(file, Some(temperature), *transform, Interpolation::Trilinear, NegativePolicy::Zero)?;
+                    self.vdb(file, Some(temperature), transform, Interpolation::Trilinear, NegativePolicy::Zero)?;
                 Emission::BlackBody {
                     temperature: Box::new(grid),
                     kelvin_scale: *kelvin_scale,
@@ -300,15 +284,12 @@ impl<'d> Builder<'d> {
                     table: BlackBody::default(),
                 }
             }
-            (Some(said::MediumEmission::BlackBody { temperature, .. }), _) => {
-                return Err(temperature.place.error("a grid of temperatures needs a density of type \"vdb\""));
-            }
         };
         let medium = Medium {
             name: said.name.clone(),
             extinction,
             albedo: said.albedo(),
-            phase: phase(&said.phase),
+            phase: said.phase.clone(),
             density,
             emission,
         };
@@ -451,25 +432,14 @@ impl<'d> Builder<'d> {
 
 fn material(kind: &MaterialKind) -> Material {
     match kind {
-        MaterialKind::Lambert { reflectance } => Material::Lambert(Lambert { reflectance: *reflectance }),
-        MaterialKind::Mirror { reflectance } => Material::Mirror(Mirror { reflectance: *reflectance }),
+        MaterialKind::Lambert { reflectance } => Material::Opaque(Bsdf::Lambert(Lambert { reflectance: *reflectance })),
+        MaterialKind::OrenNayar { reflectance, sigma } => {
+            Material::Opaque(Bsdf::OrenNayar(OrenNayar { reflectance: *reflectance, sigma: *sigma }))
+        }
+        MaterialKind::Mirror { reflectance } => Material::Opaque(Bsdf::Mirror(Mirror { reflectance: *reflectance })),
         MaterialKind::Dielectric { ior, roughness } => {
             Material::Dielectric(Dielectric { index: *ior, roughness: *roughness })
         }
         MaterialKind::None => Material::None,
-    }
-}
-
-/// A phase function as it is evaluated.
-pub(super) fn phase(said: &said::Phase) -> Phase {
-    match said {
-        said::Phase::Isotropic => Phase::Isotropic(Isotropic),
-        said::Phase::HenyeyGreenstein { g } => Phase::HenyeyGreenstein(HenyeyGreenstein { g: *g }),
-        said::Phase::Schlick { k } => Phase::Schlick(Schlick { k: *k }),
-        said::Phase::Rayleigh => Phase::Rayleigh(Rayleigh),
-        said::Phase::Mie { diameter } => Phase::Mixture(mie(*diameter)),
-        said::Phase::Mixture(lobes) => {
-            Phase::Mixture(Mixture::new(lobes.iter().map(|(weight, lobe)| (*weight, phase(lobe))).collect()))
-        }
     }
 }

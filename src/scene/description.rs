@@ -18,6 +18,8 @@ use serde::Serialize;
 
 use crate::Error;
 use crate::math::{DAffine3, DVec3, Rgb};
+use crate::medium::density::{Exponential, Noise};
+use crate::medium::phase::Phase;
 
 pub use lights::*;
 pub use settings::*;
@@ -146,10 +148,7 @@ impl Description {
     pub fn files_mut(&mut self) -> Vec<&mut PathBuf> {
         let mut files = Vec::new();
         for medium in &mut self.media {
-            match &mut medium.density {
-                Density::Vdb { file, .. } | Density::Array { file, .. } => files.push(&mut file.value),
-                Density::Constant { .. } | Density::Exponential { .. } | Density::Noise { .. } => {}
-            }
+            files.extend(medium.density.file_mut());
         }
         for shape in &mut self.shapes {
             match &mut shape.kind {
@@ -262,33 +261,6 @@ impl Medium {
     }
 }
 
-/// `media.*.phase`
-#[derive(Clone, Debug, PartialEq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Phase {
-    /// 1/4π in every direction.
-    Isotropic,
-    /// Henyey and Greenstein's.
-    HenyeyGreenstein {
-        /// The mean cosine, in (−1, 1), positive forward.
-        g: f64,
-    },
-    /// Schlick's rational approximation.
-    Schlick {
-        /// The eccentricity, in (−1, 1), positive forward.
-        k: f64,
-    },
-    /// Rayleigh's, for particles far smaller than the wavelength.
-    Rayleigh,
-    /// That of water droplets.
-    Mie {
-        /// Their diameter in micrometres, in (0, 50].
-        diameter: f64,
-    },
-    /// A weighted sum of phase functions that are no mixtures themselves; weights at least 0, sum 1.
-    Mixture(Vec<(f64, Phase)>),
-}
-
 /// `media.*.density`. It lives in world space; an instance's transform carries it along.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -320,28 +292,41 @@ pub enum Density {
         /// The upper corner, above `min` on every axis.
         max: DVec3,
     },
-    /// With h = (x − origin)·up: `value` e^{−h/scale_height} for h above 0, `value` below.
-    Exponential {
-        /// A point of the height 0.
-        origin: DVec3,
-        /// The direction of h, not 0; used as given, without normalisation.
-        up: DVec3,
-        /// The height over which the density falls by e, above 0.
-        scale_height: f64,
-        /// The density at height 0 and below, at least 0.
-        value: f64,
-    },
+    /// An atmosphere.
+    Exponential(Exponential),
     /// Fractal noise, defined in all space; only what solids are filled with can have it.
-    Noise {
-        /// The size of the coarsest features, above 0.
-        scale: f64,
-        /// The number of octaves, each half as large and half as strong as the one before; at least 1.
-        octaves: u32,
-        /// Noise below this is empty space; in [0, 1).
-        threshold: f64,
-        /// Another seed, another noise.
-        seed: u32,
-    },
+    Noise(Noise),
+}
+
+impl Density {
+    /// The value, at least 0, that it has everywhere, if it is even.
+    pub fn even(&self) -> Option<f64> {
+        match self {
+            Density::Constant { value } => Some(*value),
+            _ => None,
+        }
+    }
+
+    /// Whether it is made only where shapes are filled with it.
+    pub fn fills_shapes(&self) -> bool {
+        matches!(self, Density::Noise(_))
+    }
+
+    /// The file whose grids have a place beside it, and their transform.
+    pub fn grids(&self) -> Option<(&Located<PathBuf>, DAffine3)> {
+        match self {
+            Density::Vdb { file, transform, .. } => Some((file, *transform)),
+            _ => None,
+        }
+    }
+
+    /// The file it is read from.
+    fn file_mut(&mut self) -> Option<&mut PathBuf> {
+        match self {
+            Density::Vdb { file, .. } | Density::Array { file, .. } => Some(&mut file.value),
+            _ => None,
+        }
+    }
 }
 
 /// What a grid's value is between voxels.
@@ -373,7 +358,7 @@ pub enum MediumEmission {
         /// L_e in W/(sr · unit²), `scale` applied; at least 0.
         radiance: Rgb,
     },
-    /// A black body's, its temperature read from a second grid of the density's file; the density is [`Density::Vdb`].
+    /// A black body's, its temperature read from a second grid of the density's file ([`Density::grids`]).
     BlackBody {
         /// The name of the grid.
         temperature: Located<String>,

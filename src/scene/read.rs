@@ -11,7 +11,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::description::{
-    Camera, Density, Description, Document, Estimate, Film, Filter, Kernel, March, Method, Photons, Profile, Render,
+    Camera, Description, Document, Estimate, Film, Filter, Kernel, March, Method, Photons, Profile, Render,
     SingleScattering, Step, ToneMap, Unit, Volume, World,
 };
 use super::table::{Item, Problems, Read, Table, unit};
@@ -92,7 +92,7 @@ fn describe(root: &Table, path: &Path) -> Read<Description> {
     let unit = world.as_ref().map_or(Unit::Metre, |world| world.unit);
     let media = all(&media_items, |(name, item)| media::medium(name, item, &names, unit));
     if let (Ok(World { medium: Some(medium), .. }), Ok(media)) = (&world, &media)
-        && matches!(media[medium.value].density, Density::Noise { .. })
+        && media[medium.value].density.fills_shapes()
     {
         return Err(world_table.fail_at(
             "medium",

@@ -9,7 +9,7 @@ use crate::light::{self, Cone, Directional, Environment, Light, Point, Profile, 
 use crate::math::{DAffine3, Rgb};
 use crate::scene::Surface;
 use crate::scene::description::{self as said, LightKind};
-use crate::surface::{Lambert, Material};
+use crate::surface::{Bsdf, Lambert, Material};
 use crate::{Error, Result};
 
 impl Builder<'_> {
@@ -17,7 +17,7 @@ impl Builder<'_> {
     pub(super) fn place_lights(&mut self) -> Result<()> {
         let description = self.description;
         for said in &description.lights {
-            let black = Material::Lambert(Lambert { reflectance: Rgb::ZERO });
+            let black = Material::Opaque(Bsdf::Lambert(Lambert { reflectance: Rgb::ZERO }));
             let fail = |error: Error| said.place.error(error);
             match &said.kind {
                 LightKind::Point { position, intensity, radius } => {

@@ -28,6 +28,13 @@ pub enum MaterialKind {
         /// In \[0, 1\].
         reflectance: Rgb,
     },
+    /// Diffuse reflection by a rough surface, on both sides.
+    OrenNayar {
+        /// In \[0, 1\].
+        reflectance: Rgb,
+        /// The standard deviation of its slopes in radians, in \[0, π/2\].
+        sigma: f64,
+    },
     /// Perfectly specular reflection on both sides.
     Mirror {
         /// In \[0, 1\].

@@ -1,5 +1,7 @@
 //! `[materials.*]`
 
+use std::f64::consts::FRAC_PI_2;
+
 use crate::math::Rgb;
 use crate::scene::description::{Material, MaterialKind};
 use crate::scene::table::{Item, Read};
@@ -11,6 +13,7 @@ pub(super) fn material(name: &str, item: &Item) -> Read<Material> {
     #[derive(Clone, Copy)]
     enum Kind {
         Lambert,
+        OrenNayar,
         Mirror,
         Dielectric,
         None,
@@ -19,16 +22,22 @@ pub(super) fn material(name: &str, item: &Item) -> Read<Material> {
     let kind = table.require("type", |item| {
         let kinds = [
             ("lambert", Kind::Lambert),
+            ("oren_nayar", Kind::OrenNayar),
             ("mirror", Kind::Mirror),
             ("dielectric", Kind::Dielectric),
             ("none", Kind::None),
         ];
-        item.choice(&kinds, &["oren_nayar", "schlick", "phong", "conductor"])
+        item.choice(&kinds, &["schlick", "phong", "conductor"])
     })?;
     let kind = match kind {
         Kind::Lambert => table
             .get_or("reflectance", Rgb::splat(0.5), reflectance)
             .map(|reflectance| MaterialKind::Lambert { reflectance }),
+        Kind::OrenNayar => {
+            let reflectance = table.get_or("reflectance", Rgb::splat(0.5), reflectance);
+            let sigma = table.get_or("sigma", 0.3, |item| item.within(0.0, FRAC_PI_2));
+            sigma.and_then(|sigma| Ok(MaterialKind::OrenNayar { reflectance: reflectance?, sigma }))
+        }
         Kind::Mirror => {
             table.get_or("reflectance", Rgb::ONE, reflectance).map(|reflectance| MaterialKind::Mirror { reflectance })
         }
