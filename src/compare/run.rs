@@ -21,7 +21,7 @@ use crate::{Error, Result};
 pub struct Found {
     pub variant: Variant,
     pub limit: Option<Known>,
-    /// By seed.
+    /// Its runs, seed by seed.
     pub runs: Vec<Run>,
 }
 

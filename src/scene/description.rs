@@ -265,7 +265,7 @@ impl Medium {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Density {
-    /// The same everywhere.
+    /// One value everywhere.
     Constant {
         /// The density, at least 0.
         value: f64,
@@ -353,7 +353,7 @@ pub enum Negative {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum MediumEmission {
-    /// The same radiance everywhere.
+    /// One radiance everywhere.
     Constant {
         /// L_e in W/(sr · unit²), `scale` applied; at least 0.
         radiance: Rgb,

@@ -23,7 +23,7 @@ pub struct Light {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LightKind {
-    /// The same in every direction.
+    /// One intensity in every direction, from a point or a small sphere.
     Point {
         /// Where it is.
         position: DVec3,
@@ -82,7 +82,7 @@ pub struct Beam {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EnvironmentSource {
-    /// The same radiance from everywhere, in W/(sr · unit²).
+    /// One radiance from everywhere, in W/(sr · unit²).
     Constant(Rgb),
     /// A latitude–longitude image, `.exr` or `.hdr`.
     Image(Located<PathBuf>),

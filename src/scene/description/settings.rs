@@ -114,7 +114,7 @@ pub enum Estimate {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Profile {
-    /// The same everywhere.
+    /// All photons within the radius count alike.
     Constant,
     /// 1 − x².
     Epanechnikov,
@@ -143,7 +143,7 @@ impl March {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Step {
-    /// All alike.
+    /// All steps are alike.
     Uniform,
     /// Short where density or light change.
     Adaptive,
