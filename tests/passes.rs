@@ -285,7 +285,10 @@ fn what_does_not_belong_together_is_not_joined() {
         (&["render.samples=3"][..], "render.samples is 2 in one and 3 in the other"),
         (&["photons.volume=2001"], "photons.volume is 2000 in one and 2001 in the other"),
         (&["film.width=20"], "film.width"),
-        (&["media.haze.sigma_a=0.03"], "media.sigma_a"),
+        (
+            &["media.haze.sigma_a=0.03"],
+            "media.haze.sigma_a is [0.02,0.02,0.02] in one and [0.03,0.03,0.03] in the other",
+        ),
         (&["volume.radius=0.3"], "volume.radius"),
         (&["render.method=path"], "render.method"),
     ] {

@@ -15,7 +15,7 @@
 //!
 //! Nothing in it depends on how its passes were grouped, but for what the header says of their cost.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Display;
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom, Write};
@@ -31,8 +31,8 @@ use super::eye::Component;
 use super::film::{Film, Finished, Layers, Surfaces};
 use super::pass::Stats;
 use crate::image::write_aside;
-use crate::scene::Description;
 use crate::scene::description::{Method, ToneMap};
+use crate::scene::{Description, is_plain};
 use crate::{Error, Result};
 
 const MAGIC: &[u8; 16] = b"volpm checkpoint";
@@ -141,13 +141,24 @@ const PROGRAM: &str = "version";
 const NOT_OF_PIXELS: [&str; 5] =
     ["film.exposure", "film.tone_map", "film.standard_error", "render.seed", "render.passes"];
 
-/// Adds all values below `value` by dotted names; vectors are one value.
+/// Adds all values below `value` by dotted names. Vectors are one value; what has names of its own is called by them, as
+/// scene files do, and its number, by which others refer to it, is its value.
 fn name_values(value: &Value, name: &str, settings: &mut BTreeMap<String, String>) {
     let below = |key: &dyn Display| if name.is_empty() { key.to_string() } else { format!("{name}.{key}") };
     match value {
         Value::Object(fields) => fields.iter().for_each(|(key, value)| name_values(value, &below(key), settings)),
         Value::Array(values) if values.iter().any(|value| value.is_object() || value.is_array()) => {
-            values.iter().enumerate().for_each(|(index, value)| name_values(value, &below(&index), settings));
+            let own: BTreeSet<&str> = values.iter().filter_map(|value| value.get("name")?.as_str()).collect();
+            let named = own.len() == values.len() && own.iter().all(|name| is_plain(name) && !name.contains('.'));
+            for (index, value) in values.iter().enumerate() {
+                match value.get("name").and_then(Value::as_str).filter(|_| named) {
+                    Some(own) => {
+                        settings.insert(below(&own), index.to_string());
+                        name_values(value, &below(&own), settings);
+                    }
+                    None => name_values(value, &below(&index), settings),
+                }
+            }
         }
         Value::Null => drop(settings.insert(name.to_string(), "not set".to_string())),
         _ => drop(settings.insert(name.to_string(), value.to_string())),
@@ -378,6 +389,8 @@ mod tests {
         );
         let other = json!({ "volume": { "radius": 0.1 }, "media": [{ "sigma": [0.1, 3.0] }] });
         assert_eq!(told(volume(json!(0.1)), other), "media.0.sigma is [0.1,2.0] in one and [0.1,3.0] in the other");
+        let haze = |order: [&str; 2]| json!({ "media": [{ "name": order[0] }, { "name": order[1] }], "interior": 0 });
+        assert_eq!(told(haze(["fog", "haze"]), haze(["haze", "fog"])), "media.fog is 0 in one and 1 in the other");
         let fewer = json!({ "volume": { "radius": 0.1 } });
         assert_eq!(told(fewer, volume(json!(0.1))), "media.0.sigma is not there in one and [0.1,2.0] in the other");
     }
