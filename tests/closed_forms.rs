@@ -132,7 +132,7 @@ fn a_furnace_of_lossless_solids_by_path_tracing() {
     checks.finish();
 }
 
-/// The same room by both methods: walls that shine 1 − ρ and reflect ρ around a medium that scatters only.
+/// One room by both methods: walls that shine 1 − ρ and reflect ρ around a medium that scatters only.
 #[test]
 fn a_closed_furnace() {
     let mut checks = Checks::default();

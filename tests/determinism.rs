@@ -1,4 +1,4 @@
-//! The same scene and seed give the same pixels, bit by bit, whatever the number of threads.
+//! One scene and one seed give the same pixels, bit by bit, whatever the number of threads.
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -285,7 +285,10 @@ fn what_does_not_belong_together_is_not_joined() {
         (&["render.samples=3"][..], "render.samples is 2 in one and 3 in the other"),
         (&["photons.volume=2001"], "photons.volume is 2000 in one and 2001 in the other"),
         (&["film.width=20"], "film.width"),
-        (&["media.haze.sigma_a=0.03"], "media.sigma_a"),
+        (
+            &["media.haze.sigma_a=0.03"],
+            "media.haze.sigma_a is [0.02,0.02,0.02] in one and [0.03,0.03,0.03] in the other",
+        ),
         (&["volume.radius=0.3"], "volume.radius"),
         (&["render.method=path"], "render.method"),
     ] {
@@ -345,9 +348,12 @@ fn damaged_checkpoints_are_refused() {
     }
     assert!(refused(&[&good[..], b"x"].concat(), "a byte more").contains("checksum"));
     assert!(refused(b"no checkpoint, but as long as one that is short", "text").contains("does not begin"));
-    let mut later = good.clone();
-    later[16] = 2;
-    assert!(refused(&later, "version 2").contains("version 2"));
+    for other in [good[16] - 1, good[16] + 1] {
+        let mut bytes = good.clone();
+        bytes[16] = other;
+        let version = format!("a checkpoint of version {other}; this program reads version {}", good[16]);
+        assert!(refused(&bytes, &version).contains(&version));
+    }
     assert_eq!(Checkpoint::read(folder.path()).unwrap_err().exit_status(), 2);
     assert_eq!(Checkpoint::read(folder.path().join("missing")).unwrap_err().exit_status(), 2);
 

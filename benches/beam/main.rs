@@ -173,7 +173,7 @@ fn fan(rays: &[Ray]) -> Fan {
     Fan { origin: rays[0].origin, frame, slope: rays.iter().map(slope).fold(0.0, f64::max), rays: rays.len() }
 }
 
-/// The same in a grid of uneven density, 64 voxels along each edge of the cube: with its depths sampled already, and
+/// The beam estimate in a grid of uneven density, 64 voxels along each edge of the cube: with its depths sampled already, and
 /// with the time that takes.
 fn measure_grid(map: &PhotonMap, rays: &[Ray], template: &BeamQuery) {
     const VOXELS: usize = 64;
@@ -247,7 +247,7 @@ fn measure_grid(map: &PhotonMap, rays: &[Ray], template: &BeamQuery) {
     );
 }
 
-/// The same of rays anywhere, in streams of 8192.
+/// The beam estimate along rays from anywhere, in streams of 8192.
 fn measure_streams(name: &str, map: &PhotonMap, rays: &[Ray], template: &BeamQuery) {
     let reaches: Vec<(Ray, f64, f64)> = rays.iter().map(|ray| (*ray, 0.0, f64::from(template.length))).collect();
     let mut scratch = StreamScratch::default();

@@ -2,6 +2,8 @@
 
 use std::sync::atomic::AtomicBool;
 
+use serde::Serialize;
+
 use super::results::Setting;
 use super::variant::Pair;
 use super::{Request, Watch, machine};
@@ -23,6 +25,15 @@ pub struct Context<'r> {
     pub photons: Option<SharedPhotons>,
     /// What differs between builds of the program.
     pub build: u128,
+}
+
+/// What everything in the folder of a comparison depends on, besides what it is of.
+#[derive(Serialize)]
+struct Made<'c, T> {
+    build: u128,
+    layer: &'c Option<String>,
+    threads: usize,
+    of: &'c T,
 }
 
 impl<'r> Context<'r> {
@@ -63,19 +74,19 @@ impl<'r> Context<'r> {
         self.photons.as_ref().filter(|_| self.request.same_map)
     }
 
-    /// A short text that differs where any of `parts` does, or the program, or what is measured.
-    pub fn digest(&self, parts: &[&str]) -> String {
-        let mut text = format!("{:032x} {:?} {:?}", self.build, self.request.layer, rayon::current_num_threads());
-        parts.iter().for_each(|part| text.push_str(&format!("\n{part}")));
-        format!("{:032x}", xxhash_rust::xxh3::xxh3_128(text.as_bytes()))
+    /// A short text that differs where anything named in `of` does, or the program, its threads, or what is measured.
+    ///
+    /// # Errors
+    /// [`Error::Output`] for what has no JSON.
+    pub fn digest(&self, of: &impl Serialize) -> Result<String> {
+        let all = Made { build: self.build, layer: &self.request.layer, threads: rayon::current_num_threads(), of };
+        let text = serde_json::to_vec(&all).map_err(|error| Error::output("a digest", error))?;
+        Ok(format!("{:032x}", xxhash_rust::xxh3::xxh3_128(&text)))
     }
 
-    /// What the common map is of, for those who gather from it.
-    pub fn map_digest(&self, gathers: bool) -> String {
-        if !gathers || !self.request.same_map {
-            return String::new();
-        }
-        format!("{} {}", Subject::new(&self.base, 1).fingerprint(), self.base.render.seed)
+    /// What the common map is of: its settings and seed; `None` without one.
+    pub fn map(&self) -> Option<(String, u64)> {
+        self.request.same_map.then(|| (Subject::new(&self.base, 1).fingerprint(), self.base.render.seed))
     }
 }
 

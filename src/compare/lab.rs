@@ -26,7 +26,7 @@ pub struct Lab<'a> {
 
 /// What a render found.
 pub struct Outcome {
-    /// By budget.
+    /// The images taken, by budget.
     pub taken: Vec<Option<Arc<Snapshot>>>,
     pub warnings: Vec<String>,
 }
@@ -104,7 +104,7 @@ impl<'a> Lab<'a> {
         Limits { shown: self.shown.clone(), ..Limits::default() }
     }
 
-    /// Renders.
+    /// Renders from the common map, or with fresh photons where there is none.
     pub fn render(
         &mut self,
         limits: &Limits,

@@ -36,7 +36,7 @@ pub struct Meter<'a, P> {
 }
 
 struct State {
-    /// By budget.
+    /// The images taken, by budget.
     taken: Vec<Option<Arc<Snapshot>>>,
     /// The budget that comes next.
     next: usize,

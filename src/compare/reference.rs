@@ -4,6 +4,8 @@ use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
+use serde::Serialize;
+
 use super::context::{Context, method_name, settings};
 use super::figures::Standard;
 use super::lab::Lab;
@@ -84,7 +86,7 @@ pub fn limit(variant: &Variant, context: &Context<'_>, store: &Store, regions: &
     let limits = Limits { passes: Some(1..=passes), ..Limits::default() };
     // Variants that differ only in what their limits do not have share one.
     let description = context.describe(&variant.asked.name, &set)?;
-    let name = format!("limits/{}", &context.digest(&[&Subject::new(&description, 1).fingerprint()])[..12]);
+    let name = format!("limits/{}", &context.digest(&Subject::new(&description, 1).fingerprint())?[..12]);
     let (standard, made) = make(&name, Some(&variant.asked.name), &set, &limits, context, store)?;
     let facts = Reference {
         kind: ReferenceKind::Own,
@@ -97,6 +99,18 @@ pub fn limit(variant: &Variant, context: &Context<'_>, store: &Store, regions: &
         regions: Vec::new(),
     };
     Ok(Known::new(standard, regions, facts))
+}
+
+/// What a reference depends on.
+#[derive(Serialize)]
+struct Asked {
+    settings: String,
+    /// First and last of its passes.
+    passes: Option<(u32, u32)>,
+    /// Seconds it may take.
+    time: Option<f64>,
+    target_error: Option<f64>,
+    map: Option<(String, u64)>,
 }
 
 /// Reads the reference called `name` from the folder, or makes it.
@@ -113,8 +127,13 @@ fn make(
     description.render.seed = SEED;
     let subject = Subject::new(&description, 1);
     let [image, facts, part] = ["exr", "json", "part"].map(|ending| format!("{name}.{ending}"));
-    let digest =
-        context.digest(&[&subject.fingerprint(), &format!("{limits:?}"), &context.map_digest(variant.is_some())]);
+    let digest = context.digest(&Asked {
+        settings: subject.fingerprint(),
+        passes: limits.passes.as_ref().map(|passes| (*passes.start(), *passes.end())),
+        time: limits.time.map(|time| time.as_secs_f64()),
+        target_error: limits.target_error,
+        map: variant.and_then(|_| context.map()),
+    })?;
     if let Some(made) = store.read::<Made>(&facts).filter(|made| made.digest == digest)
         && let Ok(picture) = image::read(store.path(&image))
         && let Some(error) = picture.layer("standard_error").and_then(|layer| plane(&picture.image, layer))

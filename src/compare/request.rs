@@ -48,7 +48,7 @@ impl Request {
     /// What the file at `path` asks for: a study, a scene that holds one, or a scene as it is.
     ///
     /// # Errors
-    /// As [`scene::read_study`].
+    /// [`Error::Asset`] if the file cannot be read or is no text; [`Error::Scene`] with one line for each mistake.
     pub fn read(path: &Path) -> Result<Request> {
         let (study, text) = scene::read_study(path)?;
         let study = study.unwrap_or_default();

@@ -3,13 +3,15 @@
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
+use serde::Serialize;
+
 use super::figures::Standard;
 use super::lab::Lab;
 use super::measuring::{Measuring, statistics};
 use super::reference::Known;
 use super::results::{Budgets, Reference, Region};
 use super::store::{Run, Store};
-use super::variant::Variant;
+use super::variant::{Tunable, Variant};
 use super::{Context, machine, reference};
 use crate::render::checkpoint::Subject;
 use crate::scene;
@@ -19,7 +21,7 @@ use crate::{Error, Result};
 pub struct Found {
     pub variant: Variant,
     pub limit: Option<Known>,
-    /// By seed.
+    /// Its runs, seed by seed.
     pub runs: Vec<Run>,
 }
 
@@ -80,16 +82,18 @@ impl Comparison<'_> {
         let name = &variant.asked.name;
         let mut description = variant.description.clone();
         description.render.seed = seed;
-        let parts = [
-            Subject::new(&description, 1).fingerprint(),
-            seed.to_string(),
-            format!("{:?} {:?} {times:?}", self.budgets, context.request.time),
-            format!("{:?} {:?}", variant.tune, variant.asked.samples),
-            context.map_digest(true),
+        let digest = context.digest(&Asked {
+            settings: Subject::new(&description, 1).fingerprint(),
+            seed,
+            budgets: &self.budgets,
+            time: context.request.time,
+            times: &times,
+            tune: variant.tune.map(Tunable::key),
+            samples: &variant.asked.samples,
+            map: context.map(),
             // The best of several numbers of samples is so against its reference.
-            variant.tune.map_or(String::new(), |_| format!("{:?}", self.standard(found).facts())),
-        ];
-        let digest = context.digest(&parts.each_ref().map(String::as_str));
+            reference: self.standard(found).facts().filter(|_| variant.tune.is_some()),
+        })?;
         if let Some(run) = self.store.run(name, seed, &digest).filter(|run| run.whole) {
             return Ok(run);
         }
@@ -126,6 +130,22 @@ impl Comparison<'_> {
     pub fn standard<'f>(&'f self, found: &'f Found) -> Held<'f> {
         Held(self.common.as_ref().or(found.limit.as_ref()))
     }
+}
+
+/// What a run depends on.
+#[derive(Serialize)]
+struct Asked<'a> {
+    settings: String,
+    seed: u64,
+    budgets: &'a Budgets,
+    /// Seconds it may take.
+    time: Option<f64>,
+    /// The times it gets, by budget, if they are another's.
+    times: &'a Option<Vec<Option<f64>>>,
+    tune: Option<&'static str>,
+    samples: &'a [u32],
+    map: Option<(String, u64)>,
+    reference: Option<&'a Reference>,
 }
 
 /// What errors of a variant are held against.

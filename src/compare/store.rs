@@ -20,7 +20,7 @@ use super::results::{BudgetKind, Results, Statistics, Tuned};
 use crate::image::{self, Image, Picture, ToneSettings, write_aside};
 use crate::{Error, Result};
 
-/// The folder.
+/// The folder of a comparison.
 #[derive(Clone, Debug)]
 pub struct Store {
     folder: PathBuf,
@@ -87,14 +87,14 @@ impl Store {
         serde_json::from_slice(&fs::read(self.path(name)).ok()?).ok()
     }
 
-    /// Writes a file, aside first.
+    /// Writes a value as JSON, aside first.
     pub fn write(&self, name: &str, value: &impl Serialize) -> Result<()> {
         let path = self.path(name);
         let text = serde_json::to_string_pretty(value).map_err(|error| Error::output(&path, error))?;
         self.write_text(name, &(text + "\n"))
     }
 
-    /// The same for text.
+    /// Writes a text file, aside first.
     pub fn write_text(&self, name: &str, text: &str) -> Result<()> {
         let path = self.path(name);
         self.make(path.parent().unwrap_or(&self.folder))?;

@@ -16,38 +16,39 @@ pub(super) struct Facing {
     one_sided: u8,
 }
 
-/// One of them.
+/// A cone that holds the normals of some triangles, or the lines along them.
 #[derive(Clone, Copy)]
-struct Cone {
+struct NormalCone {
     axis: Vec3,
     sin: f32,
     cos: f32,
     one_sided: bool,
 }
 
-impl Cone {
-    fn around(parts: &[Cone]) -> Cone {
+impl NormalCone {
+    /// The narrowest cone found around others.
+    fn around(parts: &[NormalCone]) -> NormalCone {
         let first = parts[0].axis;
-        let sense = |part: &Cone| part.axis.dot(first).signum();
+        let sense = |part: &NormalCone| part.axis.dot(first).signum();
         let axis: Vec3 = parts.iter().map(|part| part.axis * sense(part)).sum();
         let axis = axis.normalize_or(first);
         let one_sided = parts.iter().all(|part| part.one_sided && part.axis.dot(axis) > 0.0);
         // The cosine of the angle to the farthest line of a part: of a sum of two angles.
-        let farthest = |part: &Cone| {
+        let farthest = |part: &NormalCone| {
             let cos = axis.dot(part.axis).abs().min(1.0);
             cos * part.cos - (1.0 - cos * cos).sqrt() * part.sin
         };
         let cos = parts.iter().map(farthest).fold(1.0, f32::min).max(0.0);
-        Cone { axis, sin: (1.0 - cos * cos).sqrt(), cos, one_sided }
+        NormalCone { axis, sin: (1.0 - cos * cos).sqrt(), cos, one_sided }
     }
 }
 
 impl Facing {
     /// By node of `tree`; `normal` gives a triangle's unit normal.
     pub fn of(tree: &Tree, normal: impl Fn(u32) -> DVec3) -> Vec<Facing> {
-        let flat = |axis: Vec3| Cone { axis, sin: 0.0, cos: 1.0, one_sided: true };
-        let cones = tree.gathered(flat(Vec3::ZERO), |index| flat(normal(index).as_vec3()), Cone::around);
-        let by_node = |cones: &[Cone; 8]| {
+        let flat = |axis: Vec3| NormalCone { axis, sin: 0.0, cos: 1.0, one_sided: true };
+        let cones = tree.gathered(flat(Vec3::ZERO), |index| flat(normal(index).as_vec3()), NormalCone::around);
+        let by_node = |cones: &[NormalCone; 8]| {
             let one_sided = cones.iter().enumerate().map(|(child, cone)| u8::from(cone.one_sided) << child);
             Facing {
                 axis: std::array::from_fn(|axis| cones.map(|cone| cone.axis[axis])),

@@ -119,7 +119,7 @@ impl Lathe {
         Ok(Lathe { areas: areas.collect(), pieces, rings, closed })
     }
 
-    /// The same with `segments` flat facets around the axis: a mesh. Kinks between facets that turn by less
+    /// A mesh in the place of a lathe of this profile, with `segments` flat facets around the axis. Kinks between facets that turn by less
     /// than `crease`, in radians, are shaded round.
     ///
     /// # Errors

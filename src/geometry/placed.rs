@@ -18,7 +18,7 @@ pub enum Shape {
     Cylinder(Cylinder),
     /// A polyline turned about the y axis.
     Lathe(Arc<Lathe>),
-    /// Triangles.
+    /// A mesh of triangles.
     Mesh(Arc<Mesh>),
 }
 
@@ -154,7 +154,7 @@ impl Placed {
         }
     }
 
-    /// The same parameters along the ray in object space; the direction is not of unit length there.
+    /// A ray in object space with the parameters of one in the world; the direction is not of unit length there.
     #[inline]
     fn local_ray(&self, ray: &Ray) -> Ray {
         if self.identity {

@@ -125,7 +125,7 @@ impl LayerData {
 pub struct Layer {
     /// The name: the part of EXR channel names before the last dot.
     pub name: String,
-    /// The values.
+    /// What the layer holds of each pixel, row by row.
     pub channels: LayerData,
 }
 

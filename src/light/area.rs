@@ -1,4 +1,4 @@
-use super::{Arrival, Cone, Departure, Spread};
+use super::{Arrival, Departure, DrawnFrom, SoftCone};
 use crate::geometry::Geometry;
 use crate::math::{Bounds, DVec3, Frame, Ray, Rgb, Stream, error_bound, sampling};
 use std::f64::consts::PI;
@@ -9,10 +9,10 @@ pub struct Area {
     /// The placed shape.
     pub shape: u32,
     /// How its radiance varies over directions.
-    pub profile: Profile,
+    pub profile: Directivity,
     /// The sides that shine.
     pub sides: Sides,
-    /// Its area.
+    /// Its area in the world.
     pub area: f64,
     /// A box around it.
     pub bounds: Bounds,
@@ -26,14 +26,14 @@ pub struct Area {
 
 /// How radiance varies over directions.
 #[derive(Clone, Copy, Debug)]
-pub enum Profile {
-    /// The same radiance in all directions.
+pub enum Directivity {
+    /// One radiance in all directions, as from a diffuse emitter.
     Diffuse(Rgb),
     /// A spot light's intensity on the axis and cone, spread over a disc: L = I share/(A cos θ), so that
     /// the intensity far away is the point's.
-    Spot(Rgb, Cone),
+    Spot(Rgb, SoftCone),
     /// A round beam: the same radiance within a cone (inner = outer) about the disc's normal.
-    Beam(Rgb, Cone),
+    Beam(Rgb, SoftCone),
 }
 
 /// The sides of a shape that shine.
@@ -43,7 +43,7 @@ pub enum Sides {
     Out,
     /// Towards the inside.
     In,
-    /// Both.
+    /// Both sides.
     Both,
 }
 
@@ -65,10 +65,10 @@ impl Sides {
 
 impl Area {
     /// A shape of this area and with this box around it, that shines.
-    pub fn new(shape: u32, (profile, sides): (Profile, Sides), area: f64, bounds: Bounds) -> Self {
+    pub fn new(shape: u32, (profile, sides): (Directivity, Sides), area: f64, bounds: Bounds) -> Self {
         let sine = match profile {
-            Profile::Diffuse(_) => 1.0,
-            Profile::Spot(_, cone) | Profile::Beam(_, cone) => (cone.outer * (2.0 - cone.outer)).sqrt(),
+            Directivity::Diffuse(_) => 1.0,
+            Directivity::Spot(_, cone) | Directivity::Beam(_, cone) => (cone.outer * (2.0 - cone.outer)).sqrt(),
         };
         let mut light = Area { shape, profile, sides, area, bounds, power: 0.0, radius: (area / PI).sqrt(), sine };
         light.power = light.power().element_sum();
@@ -82,18 +82,18 @@ impl Area {
             return Rgb::ZERO;
         }
         match self.profile {
-            Profile::Diffuse(radiance) => radiance,
-            Profile::Spot(intensity, cone) => intensity * (cone.share(direction) / (self.area * cos.abs())),
-            Profile::Beam(radiance, cone) => radiance * cone.share(direction),
+            Directivity::Diffuse(radiance) => radiance,
+            Directivity::Spot(intensity, cone) => intensity * (cone.share(direction) / (self.area * cos.abs())),
+            Directivity::Beam(radiance, cone) => radiance * cone.share(direction),
         }
     }
 
     /// W per channel.
     pub fn power(&self) -> Rgb {
         match self.profile {
-            Profile::Diffuse(radiance) => radiance * (PI * self.area * self.sides.count()),
-            Profile::Spot(intensity, cone) => intensity * cone.solid_angle(),
-            Profile::Beam(radiance, cone) => radiance * (PI * cone.outer * (2.0 - cone.outer) * self.area),
+            Directivity::Diffuse(radiance) => radiance * (PI * self.area * self.sides.count()),
+            Directivity::Spot(intensity, cone) => intensity * cone.solid_angle(),
+            Directivity::Beam(radiance, cone) => radiance * (PI * cone.outer * (2.0 - cone.outer) * self.area),
         }
     }
 
@@ -102,8 +102,8 @@ impl Area {
         // Inside its own box a shape is about as far as its size.
         let distance2 = nearest.max(self.area / (4.0 * PI));
         match self.profile {
-            Profile::Diffuse(_) => self.power / distance2,
-            Profile::Spot(_, cone) | Profile::Beam(_, cone) => {
+            Directivity::Diffuse(_) => self.power / distance2,
+            Directivity::Spot(_, cone) | Directivity::Beam(_, cone) => {
                 // Dark for certain only where not even the disc's rim reaches.
                 let offset = p - self.bounds.center();
                 let along = offset.dot(cone.axis);
@@ -127,7 +127,7 @@ impl Area {
     }
 
     pub(super) fn arrive(&self, geometry: &Geometry, p: DVec3, stream: &mut Stream) -> Option<Arrival> {
-        if let Profile::Beam(radiance, cone) = self.profile {
+        if let Directivity::Beam(radiance, cone) = self.profile {
             let travel = cone.sample(stream.uniform2());
             let distance = self.toward_disc(p, travel, cone.axis)?;
             let density = 1.0 / cone.outer_solid_angle();
@@ -150,7 +150,7 @@ impl Area {
     /// so far away and has this unit normal.
     pub fn density(&self, geometry: &Geometry, from: DVec3, direction: DVec3, distance: f64, normal: DVec3) -> f64 {
         match self.profile {
-            Profile::Beam(_, cone) => 1.0 / cone.outer_solid_angle(),
+            Directivity::Beam(_, cone) => 1.0 / cone.outer_solid_angle(),
             _ => geometry.pdf_toward(self.shape, from, direction, distance, normal),
         }
     }
@@ -158,7 +158,7 @@ impl Area {
     pub(super) fn depart(&self, geometry: &Geometry, stream: &mut Stream) -> Option<Departure> {
         let point = geometry.sample_area(self.shape, stream.uniform2());
         let (direction, power) = match self.profile {
-            Profile::Diffuse(radiance) => {
+            Directivity::Diffuse(radiance) => {
                 let outward = match self.sides {
                     Sides::Out => point.normal,
                     Sides::In => -point.normal,
@@ -169,12 +169,12 @@ impl Area {
                 let direction = Frame::around(outward).to_world(local).normalize();
                 (direction, radiance * (PI * self.sides.count() / point.pdf))
             }
-            Profile::Spot(intensity, cone) => {
+            Directivity::Spot(intensity, cone) => {
                 let direction = cone.sample(stream.uniform2());
                 let weight = cone.share(direction) * cone.outer_solid_angle() / (self.area * point.pdf);
                 (direction, intensity * weight)
             }
-            Profile::Beam(radiance, cone) => {
+            Directivity::Beam(radiance, cone) => {
                 let direction = cone.sample(stream.uniform2());
                 let cos = direction.dot(cone.axis);
                 (direction, radiance * (cos * cone.outer_solid_angle() / point.pdf))
@@ -184,8 +184,8 @@ impl Area {
         let at = Ray::new(point.point, direction);
         let origin = point.point + side * error_bound(&at, 0.0).max(error_bound(&at, self.bounds.diagonal()));
         let spread = match self.profile {
-            Profile::Diffuse(_) => Spread::Cosine(side),
-            Profile::Spot(..) | Profile::Beam(..) => Spread::Other,
+            Directivity::Diffuse(_) => DrawnFrom::Cosine(side),
+            Directivity::Spot(..) | Directivity::Beam(..) => DrawnFrom::Other,
         };
         Some(Departure { ray: Ray::new(origin, direction), power, spread })
     }

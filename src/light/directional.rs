@@ -1,4 +1,4 @@
-use super::{Arrival, Departure, Spread, Surroundings};
+use super::{Arrival, Departure, DrawnFrom, Surroundings};
 use crate::math::{DVec3, Frame, Ray, Rgb, Stream, sampling};
 use std::f64::consts::PI;
 
@@ -91,7 +91,7 @@ impl Directional {
         } else {
             self.power(surroundings)
         };
-        let spread = if self.beam.is_some() { Spread::Other } else { Spread::Disc };
+        let spread = if self.beam.is_some() { DrawnFrom::Other } else { DrawnFrom::Disc };
         Departure { ray: Ray::new(origin, direction), power, spread }
     }
 

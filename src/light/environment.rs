@@ -1,4 +1,4 @@
-use super::{Arrival, Departure, Spread, Surroundings};
+use super::{Arrival, Departure, DrawnFrom, Surroundings};
 use crate::image::Image;
 use crate::math::{DMat3, DVec3, Frame, Ray, Rgb, Stream, sampling};
 use std::f64::consts::{PI, TAU};
@@ -30,7 +30,7 @@ struct Map {
 }
 
 impl Environment {
-    /// The same radiance from everywhere.
+    /// An environment of one radiance from everywhere.
     pub fn constant(radiance: Rgb) -> Self {
         Environment { scale: radiance, map: None }
     }
@@ -127,7 +127,7 @@ impl Environment {
         (density > 0.0).then(|| Departure {
             ray: Ray::new(origin, -towards),
             power: self.radiance(towards) * (PI * surroundings.radius.powi(2) / density),
-            spread: Spread::Disc,
+            spread: DrawnFrom::Disc,
         })
     }
 }

@@ -10,12 +10,12 @@ mod environment;
 mod point;
 mod spot;
 
-pub use area::{Area, Profile, Sides};
+pub use area::{Area, Directivity, Sides};
 pub use directional::Directional;
 pub(crate) use directional::cone_radiance;
 pub use environment::Environment;
 pub use point::Point;
-pub use spot::{Cone, Spot};
+pub use spot::{SoftCone, Spot};
 
 use crate::geometry::Geometry;
 use crate::math::{DVec3, Ray, Rgb, Stream};
@@ -23,7 +23,7 @@ use crate::math::{DVec3, Ray, Rgb, Stream};
 /// One of the lights a scene file can name.
 #[derive(Clone, Debug)]
 pub enum Light {
-    /// The same intensity in all directions, from one point.
+    /// From one point, with one intensity in all directions.
     Point(Point),
     /// A cone, from one point.
     Spot(Spot),
@@ -61,28 +61,28 @@ pub struct Departure {
     /// The power it stands for: that of its light, if all were drawn alike.
     pub power: Rgb,
     /// How it was drawn.
-    pub spread: Spread,
+    pub spread: DrawnFrom,
 }
 
 /// How a photon's start was drawn, where another might be drawn in its place with the same power.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Spread {
+pub enum DrawnFrom {
     /// From its point in all directions alike.
     Sphere,
     /// From its point with density cos θ/π about this normal.
     Cosine(DVec3),
     /// In its direction, anywhere on a disc that faces it before the scene's bounding sphere.
     Disc,
-    /// Otherwise.
+    /// In some other way, from which no other start can be drawn.
     Other,
 }
 
 /// A sphere around everything that light from infinity can reach.
 #[derive(Clone, Copy, Debug)]
 pub struct Surroundings {
-    /// Its centre.
+    /// The sphere's centre.
     pub center: DVec3,
-    /// Its radius.
+    /// The sphere's radius.
     pub radius: f64,
 }
 

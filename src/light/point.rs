@@ -1,4 +1,4 @@
-use super::{Arrival, Departure, Spread};
+use super::{Arrival, Departure, DrawnFrom};
 use crate::math::{DVec3, Ray, Rgb, Stream, sampling};
 use std::f64::consts::PI;
 
@@ -34,6 +34,6 @@ impl Point {
 
     pub(super) fn depart(&self, stream: &mut Stream) -> Departure {
         let direction = sampling::sphere(stream.uniform2()).normalize();
-        Departure { ray: Ray::new(self.position, direction), power: self.power(), spread: Spread::Sphere }
+        Departure { ray: Ray::new(self.position, direction), power: self.power(), spread: DrawnFrom::Sphere }
     }
 }

@@ -1,11 +1,11 @@
-use super::{Arrival, Departure, Spread};
+use super::{Arrival, Departure, DrawnFrom};
 use crate::math::{DVec3, Frame, Ray, Rgb, Stream, sampling};
 use std::f64::consts::PI;
 
 /// A cone with a soft edge: full inside the inner half-angle, none outside the outer one, smoothstep in
 /// cos θ between.
 #[derive(Clone, Copy, Debug)]
-pub struct Cone {
+pub struct SoftCone {
     /// The unit direction of its axis.
     pub axis: DVec3,
     /// 1 − cos of the inner half-angle.
@@ -14,12 +14,12 @@ pub struct Cone {
     pub outer: f64,
 }
 
-impl Cone {
+impl SoftCone {
     /// From half-angles in radians.
     pub fn new(axis: DVec3, inner: f64, outer: f64) -> Self {
         // 1 − cos x = 2 sin² (x/2), without cancellation for narrow cones.
         let below_one = |angle: f64| 2.0 * (0.5 * angle).sin().powi(2);
-        Cone { axis, inner: below_one(inner), outer: below_one(outer) }
+        SoftCone { axis, inner: below_one(inner), outer: below_one(outer) }
     }
 
     /// The share of the axis' intensity in a unit direction.
@@ -58,8 +58,8 @@ pub struct Spot {
     pub position: DVec3,
     /// W/sr on the axis, per channel.
     pub intensity: Rgb,
-    /// Whither.
-    pub cone: Cone,
+    /// The directions it shines in.
+    pub cone: SoftCone,
 }
 
 impl Spot {
@@ -88,6 +88,6 @@ impl Spot {
     pub(super) fn depart(&self, stream: &mut Stream) -> Departure {
         let direction = self.cone.sample(stream.uniform2());
         let power = self.cone.share(direction) * self.cone.outer_solid_angle() * self.intensity;
-        Departure { ray: Ray::new(self.position, direction), power, spread: Spread::Other }
+        Departure { ray: Ray::new(self.position, direction), power, spread: DrawnFrom::Other }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use crate::light::{Departure, Light, Spread};
+use crate::light::{Departure, DrawnFrom, Light};
 use crate::math::{Bounds, DVec3, Frame, Ray, Rgb, Stream, sampling};
 use crate::scene::{Glow, Inside, Scene, Solid};
 
@@ -144,7 +144,7 @@ impl<'s> Sources<'s> {
     /// weighted by the density of the first over that of both together.
     fn redraw(&self, departure: Departure, stream: &mut Stream) -> Option<Departure> {
         let Departure { ray, power, spread } = departure;
-        if self.targets.is_empty() || spread == Spread::Other {
+        if self.targets.is_empty() || spread == DrawnFrom::Other {
             return Some(departure);
         }
         let mut left = stream.uniform();
@@ -152,7 +152,7 @@ impl<'s> Sources<'s> {
             left -= target.share;
             left < 0.0
         });
-        if spread == Spread::Disc {
+        if spread == DrawnFrom::Disc {
             let whole = self.scene.surroundings;
             let frame = Frame::around(ray.direction);
             let origin = match target {
@@ -180,7 +180,7 @@ impl<'s> Sources<'s> {
         }
         let direction = target.map_or(ray.direction, |target| target.towards(ray.origin, stream));
         let own = match spread {
-            Spread::Cosine(normal) => normal.dot(direction).max(0.0) / PI,
+            DrawnFrom::Cosine(normal) => normal.dot(direction).max(0.0) / PI,
             _ => 1.0 / (4.0 * PI),
         };
         let density: f64 = self.targets.iter().map(|target| target.share * target.density(ray.origin, direction)).sum();

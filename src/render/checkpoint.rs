@@ -4,7 +4,7 @@
 //!
 //! ```text
 //! 16 bytes  "volpm checkpoint"
-//!  4        the version of the format, 1
+//!  4        the version of the format, 2
 //!  4        the length of the header
 //!  …        the header: JSON, what the passes are of and which there are
 //!  …        sums over passes, plane by plane: means, their squares, the components that the header names,
@@ -15,11 +15,14 @@
 //!
 //! Nothing in it depends on how its passes were grouped, but for what the header says of their cost.
 
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Display;
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use xxhash_rust::xxh3::Xxh3;
 
 use super::done::Done;
@@ -28,12 +31,12 @@ use super::eye::Component;
 use super::film::{Film, Finished, Layers, Surfaces};
 use super::pass::Stats;
 use crate::image::write_aside;
-use crate::scene::Description;
 use crate::scene::description::{Method, ToneMap};
+use crate::scene::{Description, is_plain};
 use crate::{Error, Result};
 
 const MAGIC: &[u8; 16] = b"volpm checkpoint";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Bytes before the header, and after the sums.
 const HEAD: u64 = 16 + 4 + 4;
 const TAIL: u64 = 16;
@@ -62,9 +65,9 @@ pub struct Subject {
     pub exposure: Option<f64>,
     /// Whether PNG files have the filmic tone curve.
     pub filmic: bool,
-    /// All that the pixels depend on, but for seed and passes: the resolved description of the scene, line by
-    /// line, the hash of each file it names instead of its path, the parts, and the program's version.
-    settings: String,
+    /// What pixels depend on, but for seed and passes, by name: the keys of the scene with their values, the hash of each
+    /// file it names instead of its path, the parts, and the program's version.
+    settings: BTreeMap<String, String>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -87,12 +90,12 @@ impl Subject {
             let content = hash_of(file).map_or("unread".to_string(), |hash| format!("{hash:032x}"));
             *file = format!("{name} {content}").into();
         }
-        // What pixels do not depend on.
-        plain.path = Default::default();
-        plain.title = None;
-        plain.warnings.clear();
-        (plain.film.exposure, plain.film.tone_map, plain.film.standard_error) = (None, ToneMap::Filmic, false);
-        (plain.render.seed, plain.render.passes) = (0, 1);
+        let mut settings = BTreeMap::new();
+        // A description is numbers and text: it can always be told.
+        name_values(&serde_json::to_value(&plain).unwrap_or_default(), "", &mut settings);
+        NOT_OF_PIXELS.iter().for_each(|name| drop(settings.remove(*name)));
+        settings.insert("parts".to_string(), parts.to_string());
+        settings.insert(PROGRAM.to_string(), env!("CARGO_PKG_VERSION").to_string());
         Subject {
             scene: description.path.display().to_string(),
             method: match description.render.method {
@@ -102,51 +105,63 @@ impl Subject {
             parts,
             exposure: description.film.exposure,
             filmic: description.film.tone_map == ToneMap::Filmic,
-            settings: format!("version: {},\nparts: {parts},\n{plain:#?}\n", env!("CARGO_PKG_VERSION")),
+            settings,
         }
     }
 
-    /// The same for the same settings only, as far as 128 bits can tell.
+    /// A digest of the named settings: two subjects have the same one only if they have the same settings, as far as 128
+    /// bits can tell.
     pub fn fingerprint(&self) -> String {
-        format!("{:032x}", xxhash_rust::xxh3::xxh3_128(self.settings.as_bytes()))
+        let mut hash = Xxh3::new();
+        // Lengths keep names and values apart, whatever is in them.
+        for text in self.settings.iter().flat_map(|(name, value)| [name, value]) {
+            hash.update(&(text.len() as u64).to_le_bytes());
+            hash.update(text.as_bytes());
+        }
+        format!("{:032x}", hash.digest128())
     }
 
     /// Where this and another subject differ, so that their passes must not be joined.
     pub fn difference(&self, other: &Subject) -> Option<String> {
-        (self.settings != other.settings).then(|| difference(&self.settings, &other.settings))
+        let (one, two) = (&self.settings, &other.settings);
+        let names = one.keys().chain(two.keys().filter(|name| !one.contains_key(*name)));
+        let named = std::iter::once(PROGRAM).chain(names.map(String::as_str));
+        let told = |value: Option<&String>| value.map_or("not there".to_string(), String::clone);
+        named
+            .map(|name| (name, one.get(name), two.get(name)))
+            .find(|(_, value, other)| value != other)
+            .map(|(name, value, other)| format!("{name} is {} in one and {} in the other", told(value), told(other)))
     }
 }
 
-/// The first difference of two texts of settings, by the names around it.
-fn difference(one: &str, other: &str) -> String {
-    let mut names: Vec<(usize, &str)> = Vec::new();
-    let named = |names: &[(usize, &str)]| {
-        let names: Vec<&str> = names.iter().map(|(_, name)| *name).filter(|name| !name.is_empty()).collect();
-        if names.is_empty() { "the scene".to_string() } else { names.join(".") }
-    };
-    let (mut lines, mut others) = (one.lines(), other.lines());
-    loop {
-        let (Some(line), Some(other)) = (lines.next(), others.next()) else {
-            return format!("{} differs", named(&names));
-        };
-        let text = line.trim_start();
-        let depth = line.len() - text.len();
-        while names.last().is_some_and(|(above, _)| *above >= depth) {
-            names.pop();
+/// The name under which settings hold the program's version.
+const PROGRAM: &str = "version";
+
+/// What a scene file says that no pixel's sums depend on.
+const NOT_OF_PIXELS: [&str; 5] =
+    ["film.exposure", "film.tone_map", "film.standard_error", "render.seed", "render.passes"];
+
+/// Adds all values below `value` by dotted names. Vectors are one value; what has names of its own is called by them, as
+/// scene files do, and its number, by which others refer to it, is its value.
+fn name_values(value: &Value, name: &str, settings: &mut BTreeMap<String, String>) {
+    let below = |key: &dyn Display| if name.is_empty() { key.to_string() } else { format!("{name}.{key}") };
+    match value {
+        Value::Object(fields) => fields.iter().for_each(|(key, value)| name_values(value, &below(key), settings)),
+        Value::Array(values) if values.iter().any(|value| value.is_object() || value.is_array()) => {
+            let own: BTreeSet<&str> = values.iter().filter_map(|value| value.get("name")?.as_str()).collect();
+            let named = own.len() == values.len() && own.iter().all(|name| is_plain(name) && !name.contains('.'));
+            for (index, value) in values.iter().enumerate() {
+                match value.get("name").and_then(Value::as_str).filter(|_| named) {
+                    Some(own) => {
+                        settings.insert(below(&own), index.to_string());
+                        name_values(value, &below(&own), settings);
+                    }
+                    None => name_values(value, &below(&index), settings),
+                }
+            }
         }
-        let (name, value) = text.split_once(": ").unwrap_or(("", text));
-        names.push((depth, name));
-        if line != other {
-            let other = other.trim_start();
-            let (other_name, other_value) = other.split_once(": ").unwrap_or(("", other));
-            let (value, other_value) = (value.trim_end_matches(','), other_value.trim_end_matches(','));
-            let whole =
-                name == other_name && [value, other_value].iter().all(|value| !value.ends_with(['(', '{', '[']));
-            return match whole {
-                true => format!("{} is {value} in one and {other_value} in the other", named(&names)),
-                false => format!("{} differs", named(&names)),
-            };
-        }
+        Value::Null => drop(settings.insert(name.to_string(), "not set".to_string())),
+        _ => drop(settings.insert(name.to_string(), value.to_string())),
     }
 }
 
@@ -348,19 +363,57 @@ fn decode(file: &mut File, length: u64) -> io::Result<Result<Checkpoint, String>
 
 #[cfg(test)]
 mod tests {
+    use serde_json::json;
+
     use super::*;
 
     #[test]
     fn differences_are_named() {
-        let text = |radius: &str, samples: u32| {
-            format!(
-                "version: 1,\nScene {{\n    volume: Volume {{\n        kernel: Fixed,\n        radius: {radius},\n    }},\n    render: Render {{\n        samples: {samples},\n    }},\n}}\n"
-            )
+        let subject = |value: Value| {
+            let mut settings = BTreeMap::new();
+            name_values(&value, "", &mut settings);
+            let scene = "a.toml".to_string();
+            Subject { scene, method: "path".to_string(), parts: 1, exposure: None, filmic: true, settings }
         };
-        let (one, some) = (text("None", 1), text("Some(\n            0.1,\n        )", 1));
-        assert_eq!(difference(&one, &text("None", 2)), "render.samples is 1 in one and 2 in the other");
-        assert_eq!(difference(&one, &some), "volume.radius differs");
-        let other = text("Some(\n            0.2,\n        )", 1);
-        assert_eq!(difference(&some, &other), "volume.radius is 0.1 in one and 0.2 in the other");
+        let told = |one: Value, other: Value| {
+            let (one, other) = (subject(one), subject(other));
+            assert_eq!(one.fingerprint() == other.fingerprint(), one.difference(&other).is_none());
+            one.difference(&other).unwrap_or_default()
+        };
+        let volume = |radius: Value| json!({ "volume": { "radius": radius }, "media": [{ "sigma": [0.1, 2.0] }] });
+        assert_eq!(told(volume(json!(0.1)), volume(json!(0.1))), "");
+        assert_eq!(told(volume(json!(0.1)), volume(json!(0.2))), "volume.radius is 0.1 in one and 0.2 in the other");
+        assert_eq!(
+            told(volume(json!(0.1)), volume(Value::Null)),
+            "volume.radius is 0.1 in one and not set in the other"
+        );
+        let other = json!({ "volume": { "radius": 0.1 }, "media": [{ "sigma": [0.1, 3.0] }] });
+        assert_eq!(told(volume(json!(0.1)), other), "media.0.sigma is [0.1,2.0] in one and [0.1,3.0] in the other");
+        let haze = |order: [&str; 2]| json!({ "media": [{ "name": order[0] }, { "name": order[1] }], "interior": 0 });
+        assert_eq!(told(haze(["fog", "haze"]), haze(["haze", "fog"])), "media.fog is 0 in one and 1 in the other");
+        let fewer = json!({ "volume": { "radius": 0.1 } });
+        assert_eq!(told(fewer, volume(json!(0.1))), "media.0.sigma is not there in one and [0.1,2.0] in the other");
+    }
+
+    /// Whatever a scene file says tells checkpoints apart, but for what no pixel depends on.
+    #[test]
+    fn settings_have_the_names_of_the_scene_file() {
+        let of = |overrides: &[&str]| {
+            let overrides: Vec<String> = overrides.iter().map(|text| text.to_string()).collect();
+            let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/smoke.toml");
+            Subject::new(&crate::scene::read(&path, &overrides).unwrap(), 1)
+        };
+        let plain = of(&[]);
+        for name in ["film.width", "render.samples", "volume.kernel", "camera.fov", "photons.volume", "parts", PROGRAM]
+        {
+            assert!(plain.settings.contains_key(name), "{name} in {:#?}", plain.settings);
+        }
+        assert!(!plain.settings.keys().any(|name| name.contains("place")), "{:#?}", plain.settings);
+        assert_eq!(
+            plain.difference(&of(&["render.seed=7", "render.passes=3", "film.exposure=2", "title=\"a\""])),
+            None
+        );
+        let narrow = plain.difference(&of(&["camera.fov=11"])).unwrap();
+        assert!(narrow.starts_with("camera.fov is ") && narrow.ends_with("11.0 in the other"), "{narrow}");
     }
 }

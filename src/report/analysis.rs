@@ -7,9 +7,9 @@ use crate::compare::results::{BudgetKind, Figure, Figures, Measured, Results, Va
 pub enum Quantity {
     /// Root of the mean squared error.
     Rmse,
-    /// Squared bias.
+    /// Squared bias: the square of the mean error over seeds.
     Bias,
-    /// Variance.
+    /// Variance between seeds.
     Variance,
 }
 
@@ -27,9 +27,9 @@ impl Quantity {
 /// A figure and when it was measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
-    /// Seconds.
+    /// Seconds of rendering until then.
     pub seconds: f64,
-    /// The figure.
+    /// The value of the figure.
     pub value: f64,
     /// Its standard error, if known.
     pub error: Option<f64>,

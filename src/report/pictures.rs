@@ -47,11 +47,11 @@ impl VariantPictures {
 pub struct Shown {
     /// The image of the first seed.
     pub image: String,
-    /// Its maps.
+    /// Where that image differs from the reference.
     pub maps: Option<Maps>,
     /// The mean over seeds.
     pub mean: Option<String>,
-    /// The signed error of that.
+    /// The map of signed errors of that mean.
     pub mean_error: Option<String>,
 }
 
@@ -59,7 +59,7 @@ pub struct Shown {
 pub struct Maps {
     /// The map of FLIP.
     pub flip: String,
-    /// Its mean.
+    /// The mean of FLIP over the image.
     pub flip_mean: f64,
     /// The map of signed errors.
     pub error: String,
@@ -67,11 +67,11 @@ pub struct Maps {
 
 /// A part of the image, enlarged.
 pub struct Crop {
-    /// Its name.
+    /// What the crop is called.
     pub name: String,
     /// Where it is: column, row, width, height.
     pub place: [usize; 4],
-    /// The reference.
+    /// The crop of the reference.
     pub reference: Option<String>,
     /// By variant: budget, image and map of signed errors.
     pub variants: Vec<Option<(usize, String, Option<String>)>>,
@@ -286,7 +286,7 @@ impl Reader<'_> {
     }
 }
 
-/// Draws pictures.
+/// Writes pictures and maps into a folder.
 struct Artist<'d> {
     dir: &'d Path,
     tone: ToneSettings,

@@ -161,8 +161,8 @@ impl Ranged for Axis {
 type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Axis, Axis>>;
 type Drawn = std::result::Result<(), plotters::drawing::DrawingAreaErrorKind<std::io::Error>>;
 
-/// The frame all parts of a plot are drawn into.
-struct Frame {
+/// What all parts of a plot are drawn into: its axes and its size.
+struct Canvas {
     x: Axis,
     y: Axis,
     width: i32,
@@ -170,7 +170,7 @@ struct Frame {
     right: i32,
 }
 
-impl Frame {
+impl Canvas {
     /// The elements that `fill` draws.
     fn part(&self, fill: impl FnOnce(&mut Chart<'_, '_>) -> Drawn) -> Result<String> {
         let fail = |error| Error::output("a plot", error);
@@ -216,7 +216,7 @@ pub fn draw(plot: &Plot<'_>) -> Result<Option<Markup>> {
     let longest = plot.lines.iter().map(|line| line.name.chars().count()).max().unwrap_or(0);
     let right = if plot.named { (34 + 8 * longest as i32).clamp(100, 300) } else { 16 };
     let (width, height) = if plot.named { (610 + right, 430) } else { (480, 340) };
-    let frame = Frame { x, y, width, height, right };
+    let frame = Canvas { x, y, width, height, right };
 
     let ink = RGBColor(34, 34, 34);
     let grid = RGBColor(128, 128, 128);

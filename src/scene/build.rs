@@ -12,7 +12,7 @@ use super::description::{self as said, Description, Located, MaterialKind, Shape
 use super::world::{Scene, Solid, Surface};
 use super::{Glow, Settings};
 use crate::geometry::{Cuboid, Cylinder, Disk, Geometry, Lathe, Mesh, Placed, Quad, Shape, Sphere};
-use crate::light::{Area, Light, Profile, Sides, Surroundings};
+use crate::light::{Area, Directivity, Light, Sides, Surroundings};
 use crate::math::{Bounds, DAffine3, DVec3, Rgb};
 use crate::medium::black_body::BlackBody;
 use crate::medium::density::bricks::{BrickGrid, Interpolation, NegativePolicy};
@@ -46,7 +46,7 @@ struct Part {
 enum Shine {
     Radiance(Rgb, Sides),
     Power(Rgb, Sides),
-    Disc(Profile),
+    Disc(Directivity),
 }
 
 struct Builder<'d> {
@@ -394,9 +394,9 @@ impl<'d> Builder<'d> {
             let (area, bounds) = (geometry.area(id as u32), geometry.bounds(id as u32));
             let (profile, sides) = match shine {
                 None => continue,
-                Some(Shine::Radiance(radiance, sides)) => (Profile::Diffuse(radiance), sides),
+                Some(Shine::Radiance(radiance, sides)) => (Directivity::Diffuse(radiance), sides),
                 Some(Shine::Power(power, sides)) => {
-                    (Profile::Diffuse(power / (std::f64::consts::PI * area * sides.count())), sides)
+                    (Directivity::Diffuse(power / (std::f64::consts::PI * area * sides.count())), sides)
                 }
                 Some(Shine::Disc(profile)) => (profile, Sides::Out),
             };

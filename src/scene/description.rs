@@ -14,6 +14,8 @@ use std::fmt;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use serde::Serialize;
+
 use crate::Error;
 use crate::math::{DAffine3, DVec3, Rgb};
 use crate::medium::density::{Exponential, Noise};
@@ -80,8 +82,7 @@ impl fmt::Display for Source {
     }
 }
 
-/// Nothing: descriptions that say the same look the same, wherever they say it
-/// ([`crate::render::checkpoint`] compares them so).
+/// Nothing: a description says enough without the place of each word.
 impl fmt::Debug for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("_")
@@ -98,20 +99,24 @@ impl fmt::Display for Place {
 }
 
 /// A value and where it was said.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(transparent)]
 pub struct Located<T> {
     /// The value.
     pub value: T,
     /// Where it was said; for a default, the table that leaves it out.
+    #[serde(skip)]
     pub place: Place,
 }
 
 /// A whole scene file.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Description {
     /// The scene file.
+    #[serde(skip)]
     pub path: PathBuf,
     /// What the scene calls itself.
+    #[serde(skip)]
     pub title: Option<String>,
     /// `[film]`
     pub film: Film,
@@ -134,6 +139,7 @@ pub struct Description {
     /// `[volume]`
     pub volume: Volume,
     /// What is allowed but probably not meant, each message complete.
+    #[serde(skip)]
     pub warnings: Vec<String>,
 }
 
@@ -170,7 +176,7 @@ impl Description {
 }
 
 /// `[camera]`: a pinhole, or a thin lens if `aperture` is above 0.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Camera {
     /// Where it stands.
     pub position: DVec3,
@@ -185,11 +191,12 @@ pub struct Camera {
     /// The distance along the axis to the sharp plane.
     pub focus_distance: f64,
     /// Where the camera is described.
+    #[serde(skip)]
     pub place: Place,
 }
 
 /// `[world]`: what is everywhere outside solids.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct World {
     /// An index into [`Description::media`]; `None` is vacuum.
     pub medium: Option<Located<usize>>,
@@ -198,7 +205,8 @@ pub struct World {
 }
 
 /// A unit of length.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Unit {
     /// Millimetres.
     Millimetre,
@@ -220,7 +228,7 @@ impl Unit {
 }
 
 /// `[media.*]`
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Medium {
     /// Its key under `[media]`.
     pub name: String,
@@ -235,6 +243,7 @@ pub struct Medium {
     /// The light the medium sends out by itself.
     pub emission: Option<MediumEmission>,
     /// Where it is described.
+    #[serde(skip)]
     pub place: Place,
 }
 
@@ -253,9 +262,10 @@ impl Medium {
 }
 
 /// `media.*.density`. It lives in world space; an instance's transform carries it along.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Density {
-    /// The same everywhere.
+    /// One value everywhere.
     Constant {
         /// The density, at least 0.
         value: f64,
@@ -320,7 +330,8 @@ impl Density {
 }
 
 /// What a grid's value is between voxels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Interpolation {
     /// Linear on each axis.
     Trilinear,
@@ -329,7 +340,8 @@ pub enum Interpolation {
 }
 
 /// What becomes of negative voxels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Negative {
     /// The file is refused.
     Error,
@@ -338,9 +350,10 @@ pub enum Negative {
 }
 
 /// `media.*.emission`: L_e, which is multiplied by σ_a.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum MediumEmission {
-    /// The same radiance everywhere.
+    /// One radiance everywhere.
     Constant {
         /// L_e in W/(sr · unit²), `scale` applied; at least 0.
         radiance: Rgb,

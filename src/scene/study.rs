@@ -17,7 +17,7 @@ pub struct Study {
     pub scene: Option<PathBuf>,
     /// Keys of the scene to replace for all variants, with values of TOML.
     pub set: Vec<(String, String)>,
-    /// The variants.
+    /// The variants to compare.
     pub variants: Vec<StudyVariant>,
     /// Seconds at which to measure, ascending.
     pub budgets: Option<Vec<f64>>,

@@ -29,7 +29,7 @@ pub struct Scene {
     pub regions: u32,
     /// All media, one for each place its density was carried to.
     pub media: Vec<Medium>,
-    /// All lights.
+    /// All lights, but for glowing media.
     pub lights: Vec<Light>,
     /// The glowing media that have an end, as lights.
     pub glows: Vec<Glow>,
@@ -44,7 +44,7 @@ pub struct Scene {
 /// What a placed shape is made of.
 #[derive(Clone, Copy, Debug)]
 pub struct Surface {
-    /// Its material.
+    /// What its boundary does with light.
     pub material: Material,
     /// The solid it bounds: an index into [`Scene::solids`].
     pub solid: Option<u32>,
@@ -99,7 +99,7 @@ impl Inside {
         self.solids.contains(&solid)
     }
 
-    /// The same with `solid` added or left out.
+    /// These solids with `solid` added or left out.
     pub fn with(&self, solid: u32, inside: bool) -> Self {
         let mut changed = self.clone();
         changed.set(solid, inside);

@@ -5,7 +5,7 @@ use std::f64::consts::FRAC_PI_2;
 
 use super::flight;
 use super::segment::{Crossing, Segment};
-use crate::light::{Arrival, Light, Profile};
+use crate::light::{Arrival, Directivity, Light};
 use crate::math::{DVec3, Ray, Rgb, Stream, shares};
 use crate::medium::Medium;
 use crate::scene::Scene;
@@ -64,9 +64,9 @@ impl Flight {
             Light::Point(point) => (point.position, point.intensity, 0.0),
             Light::Spot(spot) => (spot.position, spot.intensity, 0.0),
             Light::Area(area) => match area.profile {
-                Profile::Diffuse(radiance) => (area.bounds.center(), radiance * area.area, area.area),
-                Profile::Spot(intensity, _) => (area.bounds.center(), intensity, area.area),
-                Profile::Beam(..) => return 0.0,
+                Directivity::Diffuse(radiance) => (area.bounds.center(), radiance * area.area, area.area),
+                Directivity::Spot(intensity, _) => (area.bounds.center(), intensity, area.area),
+                Directivity::Beam(..) => return 0.0,
             },
             Light::Directional(_) | Light::Environment(_) => return 0.0,
         };

@@ -3,7 +3,7 @@
 use crate::math::{DAffine3, DVec3, Ray, one_minus_exp_over};
 
 /// An atmosphere: with h = (x − origin)·up, `value` e^{−h/scale_height} above the origin and `value` below.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Exponential {
     /// A point of height h = 0.
     pub origin: DVec3,

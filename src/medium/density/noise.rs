@@ -22,7 +22,7 @@ use crate::math::{Bounds, DAffine3, DVec3};
 /// sums and products take part: it is the same on every machine.
 ///
 /// (1 + n)/2 has the mean ½; its standard deviation is 0.134 for one octave and 0.083 for four.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Noise {
     /// The size of a cell of the coarsest octave, above 0.
     pub scale: f64,

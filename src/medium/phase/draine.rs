@@ -6,7 +6,7 @@ use crate::math::Stream;
 /// quadratic in the cosine, p = p_HG(g) (1 + α cos² θ)/(1 + α (1 + 2g²)/3).
 ///
 /// α = 0 is Henyey–Greenstein, g = 0 with α = 1 is Rayleigh, α = 1 is Cornette and Shanks'.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Draine {
     /// The g of the Henyey–Greenstein factor, in (−1, 1); positive forward.
     pub g: f64,

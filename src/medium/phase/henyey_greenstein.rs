@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 
 /// Henyey and Greenstein's phase function, p = (1 − g²)/(4π (1 + g² − 2g cos θ)^{3/2})
 /// (Jensen 2001, Eq. 10.13).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct HenyeyGreenstein {
     /// The mean cosine, in (−1, 1); positive forward.
     pub g: f64,

@@ -4,7 +4,7 @@ use crate::math::Stream;
 use std::f64::consts::PI;
 
 /// Equal in all directions: p = 1/4π.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Isotropic;
 
 /// Its value in every direction, 1/4π.

@@ -3,7 +3,7 @@ use super::{Deflection, Kind, Phase};
 use crate::math::Stream;
 
 /// A weighted sum of phase functions.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Mixture {
     /// Weights that sum to one, and phase functions that are no mixtures.
     lobes: Vec<(f64, Phase)>,

@@ -32,7 +32,8 @@ use crate::math::{DVec3, Frame, Stream};
 use std::f64::consts::TAU;
 
 /// One of the phase functions a scene file can name.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Phase {
     /// Equal in all directions.
     Isotropic(Isotropic),

@@ -4,7 +4,7 @@ use crate::math::Stream;
 use std::f64::consts::PI;
 
 /// Rayleigh's phase function, p = 3/(16π) (1 + cos² θ).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Rayleigh;
 
 impl From<Rayleigh> for Phase {

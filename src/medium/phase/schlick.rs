@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 
 /// Schlick's rational phase function, p = (1 − k²)/(4π (1 − k cos θ)²), with θ = 0 forward
 /// (Jensen 2001, Eq. 10.15 with its sign turned to match Eq. 10.16).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Schlick {
     /// The shape, in (−1, 1); positive forward. About 1.55 g − 0.55 g³ of the Henyey–Greenstein it imitates.
     pub k: f64,

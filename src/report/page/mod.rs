@@ -16,14 +16,14 @@ use crate::compare::results::{BudgetKind, Figure, Results, Setting};
 
 /// The plots of a region.
 pub struct Curves {
-    /// RMSE.
+    /// RMSE against time.
     pub error: Option<Markup>,
     bias: Option<Markup>,
     variance: Option<Markup>,
 }
 
 impl Curves {
-    /// Draws them.
+    /// Draws error, squared bias and variance of all variants over time, in one region.
     pub fn draw(results: &Results, region: usize) -> Result<Curves> {
         let whole = region == 0;
         let lines = |quantity: Quantity| -> Vec<Line<'_>> {

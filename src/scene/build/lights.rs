@@ -5,7 +5,7 @@ use std::path::Path;
 use super::{Builder, Part, Shine};
 use crate::geometry::{Disk, Placed, Shape, Sphere};
 use crate::image;
-use crate::light::{self, Cone, Directional, Environment, Light, Point, Profile, Sides, Spot};
+use crate::light::{self, Directional, Directivity, Environment, Light, Point, Sides, SoftCone, Spot};
 use crate::math::{DAffine3, Rgb};
 use crate::scene::Surface;
 use crate::scene::description::{self as said, LightKind};
@@ -38,10 +38,10 @@ impl Builder<'_> {
                         continue;
                     }
                     let position = *position - self.center;
-                    let cone = Cone::new(*direction, inner_angle.to_radians(), outer_angle.to_radians());
+                    let cone = SoftCone::new(*direction, inner_angle.to_radians(), outer_angle.to_radians());
                     if *radius > 0.0 {
                         let disc = Disk::new(position, *direction, *radius).map_err(fail)?;
-                        let shine = Shine::Disc(Profile::Spot(*intensity, cone));
+                        let shine = Shine::Disc(Directivity::Spot(*intensity, cone));
                         self.lamp(Shape::Disk(disc), Material::None, shine).map_err(fail)?;
                     } else {
                         self.lights.push(Light::Spot(Spot { position, intensity: *intensity, cone }));
@@ -52,13 +52,13 @@ impl Builder<'_> {
                         continue;
                     }
                     let half = 0.5 * angle.to_radians();
-                    let cone = Cone::new(*direction, half, half);
+                    let cone = SoftCone::new(*direction, half, half);
                     match beam {
                         Some(beam) if *angle > 0.0 => {
                             let center = beam.center - self.center;
                             let disc = Disk::new(center, *direction, beam.radius).map_err(fail)?;
                             let radiance = light::cone_radiance(*irradiance, cone.outer);
-                            let shine = Shine::Disc(Profile::Beam(radiance, cone));
+                            let shine = Shine::Disc(Directivity::Beam(radiance, cone));
                             self.lamp(Shape::Disk(disc), Material::None, shine).map_err(fail)?;
                         }
                         _ => self.lights.push(Light::Directional(Directional {

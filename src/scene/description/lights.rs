@@ -2,24 +2,28 @@
 
 use std::path::PathBuf;
 
+use serde::Serialize;
+
 use super::{Located, Place};
 use crate::math::{DVec3, Rgb};
 
 /// `[[lights]]`
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Light {
     /// What overrides and messages call it.
     pub name: Option<String>,
     /// What it is.
     pub kind: LightKind,
     /// Where it is described.
+    #[serde(skip)]
     pub place: Place,
 }
 
 /// The kinds of light. Strengths are by channel and at least 0.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum LightKind {
-    /// The same in every direction.
+    /// One intensity in every direction, from a point or a small sphere.
     Point {
         /// Where it is.
         position: DVec3,
@@ -66,7 +70,7 @@ pub enum LightKind {
 }
 
 /// The disc a round directional beam starts on, perpendicular to its direction.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Beam {
     /// The disc's centre.
     pub center: DVec3,
@@ -75,9 +79,10 @@ pub struct Beam {
 }
 
 /// Where an environment's radiance comes from.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum EnvironmentSource {
-    /// The same radiance from everywhere, in W/(sr · unit²).
+    /// One radiance from everywhere, in W/(sr · unit²).
     Constant(Rgb),
     /// A latitude–longitude image, `.exr` or `.hdr`.
     Image(Located<PathBuf>),

@@ -1,7 +1,9 @@
 //! How a picture is computed: `[film]`, `[render]`, `[photons]` and `[volume]`.
 
+use serde::Serialize;
+
 /// `[film]`: the image.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Film {
     /// Pixels across, at least 1.
     pub width: u32,
@@ -20,7 +22,8 @@ pub struct Film {
 }
 
 /// The reconstruction filter of the film.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Filter {
     /// The mean over the pixel's square.
     Box,
@@ -31,7 +34,8 @@ pub enum Filter {
 }
 
 /// How radiance becomes the values of a PNG file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum ToneMap {
     /// Exposure, then clipping.
     Linear,
@@ -40,7 +44,7 @@ pub enum ToneMap {
 }
 
 /// `[render]`
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Render {
     /// How the image is computed.
     pub method: Method,
@@ -55,7 +59,8 @@ pub struct Render {
 }
 
 /// How the image is computed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Method {
     /// Photon mapping.
     Photon,
@@ -64,7 +69,7 @@ pub enum Method {
 }
 
 /// `[photons]`
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Photons {
     /// About how many photons the volume map should hold, at least 1; `None`: chosen from the scene.
     pub volume: Option<u64>,
@@ -73,7 +78,7 @@ pub struct Photons {
 }
 
 /// `[volume]`: how media are gathered.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Volume {
     /// What is gathered along a ray.
     pub estimate: Estimate,
@@ -96,7 +101,8 @@ pub struct Volume {
 }
 
 /// What is gathered along a ray.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Estimate {
     /// All photons around the ray at once.
     Beam,
@@ -105,9 +111,10 @@ pub enum Estimate {
 }
 
 /// How photons count from their middle to their rim.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Profile {
-    /// The same everywhere.
+    /// All photons within the radius count alike.
     Constant,
     /// 1 − x².
     Epanechnikov,
@@ -116,7 +123,7 @@ pub enum Profile {
 }
 
 /// `[volume] march`
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct March {
     /// How long steps are.
     pub step: Step,
@@ -133,9 +140,10 @@ impl March {
 }
 
 /// How long the steps of a march are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Step {
-    /// All alike.
+    /// All steps are alike.
     Uniform,
     /// Short where density or light change.
     Adaptive,
@@ -144,7 +152,8 @@ pub enum Step {
 }
 
 /// Where light comes from that a medium scatters straight from a light.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum SingleScattering {
     /// From photons, like all other.
     Photons,
@@ -167,7 +176,8 @@ impl SingleScattering {
 }
 
 /// How wide photons are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Kernel {
     /// One radius for all.
     Fixed,

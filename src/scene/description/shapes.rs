@@ -2,22 +2,26 @@
 
 use std::path::PathBuf;
 
+use serde::Serialize;
+
 use super::{Located, Place};
 use crate::math::{DAffine3, DVec2, DVec3, Rgb};
 
 /// `[materials.*]`
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Material {
     /// Its key under `[materials]`.
     pub name: String,
     /// What it does with light.
     pub kind: MaterialKind,
     /// Where it is described; for a default, the first shape that needs it.
+    #[serde(skip)]
     pub place: Place,
 }
 
 /// The kinds of material.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum MaterialKind {
     /// Diffuse reflection on both sides.
     Lambert {
@@ -48,7 +52,7 @@ pub enum MaterialKind {
 }
 
 /// `[[shapes]]`
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Shape {
     /// What instances and overrides call it; no two shapes share a name.
     pub name: Option<String>,
@@ -70,11 +74,13 @@ pub struct Shape {
     /// False for what is only a template of instances.
     pub visible: bool,
     /// Where it is described.
+    #[serde(skip)]
     pub place: Place,
 }
 
 /// The kinds of shape.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum ShapeKind {
     /// A sphere.
     Sphere {
@@ -144,18 +150,20 @@ pub enum ShapeKind {
 }
 
 /// `shapes.*.emission`
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ShapeEmission {
     /// How much.
     pub strength: Strength,
     /// From which side.
     pub side: Side,
     /// Where it is described.
+    #[serde(skip)]
     pub place: Place,
 }
 
 /// How strong an emitting shape is, by channel and at least 0.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Strength {
     /// The radiance it sends in every direction, in W/(sr · unit²).
     Radiance(Rgb),
@@ -165,7 +173,8 @@ pub enum Strength {
 }
 
 /// The sides of a surface that emit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Side {
     /// Away from the inside.
     Out,
