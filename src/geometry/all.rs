@@ -121,7 +121,7 @@ impl Geometry {
     }
 
     /// Whether a shape encloses a volume: spheres, boxes, cylinders with caps, lathes whose ends lie on the
-    /// axis or coincide, and meshes as [`Mesh::is_closed`] says.
+    /// axis or coincide, and meshes as [`Mesh::is_closed`](super::Mesh::is_closed) says.
     pub fn is_closed(&self, id: u32) -> bool {
         self.placed[id as usize].is_closed()
     }

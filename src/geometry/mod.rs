@@ -61,8 +61,8 @@ pub struct Hit {
     pub uv: [f64; 2],
 }
 
-/// The nearest hit of a ray together with all hits within [`error_bound`] of it: surfaces that coincide
-/// are one event. Meant to be reused, so that it allocates at most once.
+/// The nearest hit of a ray together with all hits within [`error_bound`](crate::math::error_bound) of it: surfaces that
+/// coincide are one event. Meant to be reused, so that it allocates at most once.
 #[derive(Clone, Debug, Default)]
 pub struct Cluster {
     crossings: SmallVec<[Crossing; 4]>,

@@ -11,7 +11,7 @@ use crate::math::{Bounds, DVec3};
 pub struct Near {
     /// The index of the placed shape.
     pub id: u32,
-    /// The face, as in [`Hit::primitive`].
+    /// The face, as in [`Hit::primitive`](super::Hit::primitive).
     pub primitive: u32,
     /// The closest point of the face.
     pub point: DVec3,

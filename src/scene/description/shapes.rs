@@ -61,10 +61,10 @@ pub struct Shape {
     /// From object to world space, invertible. An instance's is applied after the transform of the
     /// shape it repeats, and to the density inside.
     pub transform: DAffine3,
-    /// An index into [`Description::materials`]. Not given: `none` with an interior, black with
+    /// An index into [`Description::materials`](super::Description::materials). Not given: `none` with an interior, black with
     /// emission, an instance's template's; meaningless on an invisible shape.
     pub material: Located<usize>,
-    /// An index into [`Description::media`]: what fills the solid. Only shapes that can be closed have
+    /// An index into [`Description::media`](super::Description::media): what fills the solid. Only shapes that can be closed have
     /// one; whether a mesh is closed is not known yet. Behind an opaque material it is seen from inside only. An instance has its template's unless it says otherwise.
     pub interior: Option<Located<usize>>,
     /// The highest of the solids that contain a point decides what is there. An instance has its template's unless it says otherwise.
@@ -143,7 +143,7 @@ pub enum ShapeKind {
     },
     /// Another shape once more.
     Instance {
-        /// An index into [`Description::shapes`] of a shape that is no instance itself: instances of
+        /// An index into [`Description::shapes`](super::Description::shapes) of a shape that is no instance itself: instances of
         /// instances are resolved, their transforms composed.
         of: usize,
     },
