@@ -305,7 +305,7 @@ medium = "thin"
 sigma_s = 0.05
 density = { type = "exponential", up = [0, 1, 0], scale_height = 1.0 }
 [media.thick]
-sigma_s = [0.5, 1, 2]
+sigma_s = [0.3, 0.5, 1]
 phase = { type = "hg", g = 0.7 }
 [materials.white]
 type = "lambert"
@@ -347,7 +347,7 @@ radiance = 1
 
     #[test]
     fn nothing_is_seen_where_nothing_absorbs() {
-        const N: u64 = 4000;
+        const N: u64 = 500;
         let (scene, _) = scene::from_text(WHITE);
         for (what, mode) in [("track", Mode::Track), ("split", Mode::Split)] {
             let settings = EyeSettings {
@@ -376,7 +376,7 @@ radiance = 1
             let off = (mean - Rgb::ONE).abs();
             assert!(parts.is_empty() && tally.broken == 0);
             for channel in 0..3 {
-                assert!(off[channel] < 4.5 * error[channel] && error[channel] < 0.03, "{what}: {mean} ± {error}");
+                assert!(off[channel] < 4.5 * error[channel] && error[channel] < 0.08, "{what}: {mean} ± {error}");
             }
         }
     }
