@@ -736,13 +736,16 @@ impl Group {
                 }
             }
         }
-        self.table = bundle.depths.map(|(depths, step, samples)| {
-            let mut table = self.table.take().unwrap_or_default();
-            let sampled =
-                (0..count).map(|index| Sampled { samples: samples[first + index], origin: lines.origin[index] });
-            table.set(depths, step, sampled, zero, exponents(bundle.extinction), map.isa);
-            table
-        });
+        self.table = match bundle.depths {
+            None => None,
+            Some((depths, step, samples)) => {
+                let mut table = self.table.take().unwrap_or_default();
+                let sampled =
+                    (0..count).map(|index| Sampled { samples: samples[first + index], origin: lines.origin[index] });
+                table.set(depths, step, sampled, zero, exponents(bundle.extinction), map.isa)?;
+                Some(table)
+            }
+        };
         Some(())
     }
 
@@ -1035,7 +1038,9 @@ impl<P: Evaluate> Task for Shift<'_, P> {
                 dot_plus(&direction, &axes[2], zero),
             ];
             let (value, kappa) = phase.near_axis(&d);
-            let depth = z.sub(start);
+            // What lies farther before the start has its foot point there too, and counts nothing, however bright.
+            let margin = r.mul(slope);
+            let depth = z.sub(start).max(zero.sub(margin));
             let weights = if tabulated {
                 [value; 3]
             } else {
@@ -1062,7 +1067,6 @@ impl<P: Evaluate> Task for Shift<'_, P> {
                 near.load::<L>(8, at).mul(weights[1]),
                 near.load::<L>(9, at).mul(weights[2]),
             ];
-            let margin = r.mul(slope);
             let inside = L::bits(L::and(all_start.less(z.sub(margin)), z.add(margin).less(all_end)));
             let safe = if walls == 0 { hit & inside } else { 0 };
             if safe != 0 {

@@ -20,7 +20,7 @@ pub struct VolumeMaps {
     maps: Vec<Option<PhotonMap>>,
     phases: Vec<PhaseLanes>,
     extinctions: Vec<Vec3>,
-    /// Between samples of a ray's depth.
+    /// Between samples of a ray's depth, at most, by medium.
     steps: Vec<f64>,
 }
 
@@ -102,7 +102,11 @@ const DEPTH_STEP: f64 = 0.5;
 /// linear interpolation of transmittance is then right to 0.3 %, and far better on average.
 const MOST_PASSED: f64 = 0.15;
 
-/// The distance between two samples: half of a voxel, a sixteenth of a scale height.
+/// Samples along the diagonal of a map's box, at least: on a ray's first and last step, which are cut, depth is not known
+/// better than to a part of what one of them adds.
+const SAMPLES: f64 = 64.0;
+
+/// The distance between two samples, at most: half of a voxel, a sixteenth of a scale height.
 fn step(density: &Density) -> f64 {
     match density {
         Density::Uniform => f64::INFINITY,
@@ -158,7 +162,7 @@ impl VolumeMaps {
         let total = |until_end: f64| if end < leaves { medium.density.depth(&ray, a, b) } else { until_end };
         if together {
             let extinction = medium.extinction.max_element();
-            let (most, step) = (MOST_PASSED / extinction, self.steps[reach.medium as usize]);
+            let (most, step) = (MOST_PASSED / extinction, self.step(map, reach.medium));
             let (density, range) = (&medium.density, (enters, end));
             let Queue { lattices, depths, .. } = queue;
             let sampled = lattices
@@ -209,23 +213,28 @@ impl VolumeMaps {
         for same in waiting.chunk_by(|a, b| key(a) == key(b)) {
             let (region, medium, max_events, sampled) = key(&same[0]);
             let Some(map) = &self.maps[region as usize] else { continue };
-            let medium = medium as usize;
+            let index = medium as usize;
             rays.clear();
             rays.extend(same.iter().map(|Waiting { reach: Reach { ray, a, b, .. }, .. }| (*ray, *a, *b)));
             samples.clear();
             samples.extend(same.iter().filter_map(|waiting| waiting.samples));
             let bundle = Bundle {
                 rays: &rays,
-                phase: &self.phases[medium],
-                extinction: self.extinctions[medium],
+                phase: &self.phases[index],
+                extinction: self.extinctions[index],
                 max_events,
                 pruned: true,
-                depths: sampled.then_some((depths, self.steps[medium], &samples)),
+                depths: sampled.then_some((depths, self.step(map, medium), &samples)),
             };
             gather(map, &bundle, &mut gathered);
             done.extend(same.iter().map(|waiting| waiting.owner).zip(gathered.iter().copied()));
         }
         waiting.clear();
+    }
+
+    /// The distance between two samples of a ray that gathers from a map.
+    fn step(&self, map: &PhotonMap, medium: u32) -> f64 {
+        self.steps[medium as usize].min(map.bounds().diagonal() / SAMPLES)
     }
 
     /// A query without a table of depths.
