@@ -12,9 +12,10 @@ use glam::{DVec3, Vec3};
 use smallvec::SmallVec;
 use std::sync::OnceLock;
 use std::time::Instant;
-use volpm::gather::{GatherStats, Lobe, PhaseLanes, PointQuery};
+use volpm::gather::{GatherStats, PhaseLanes, PointQuery};
 use volpm::math::random::{Purpose, Stream};
 use volpm::math::{Frame, sampling};
+use volpm::medium::phase::HenyeyGreenstein;
 use volpm::photon::{Ball, Photon, Plane, PointMap, PointMemory, PointSettings};
 
 const G: f32 = 0.75;
@@ -253,7 +254,7 @@ fn time(mut run: impl FnMut() -> f64) -> (f64, f64) {
 }
 
 fn compare(name: &str, structures: &Structures, ball: Ball, places: &[Place]) {
-    let phase = PhaseLanes::new(Lobe::HenyeyGreenstein(f64::from(G)));
+    let phase = PhaseLanes::new(HenyeyGreenstein { g: f64::from(G) });
     let Structures { map, tree, grid } = structures;
     let mut stats = GatherStats::default();
     let blocks = time(|| {

@@ -83,10 +83,10 @@ impl Progress for Album {
 
 fn render(folder: &std::path::Path, passes: u32, overrides: &[String]) -> Vec<(u64, Image)> {
     let description = scene::parse(&text(), &folder.join("scene.toml"), overrides).expect("a scene");
-    let scene = scene::build(&description).expect("a scene");
+    let (scene, settings) = scene::build(&description).expect("a scene");
     let limits = Limits { passes: Some(1..=passes), ..Limits::default() };
     let album = Album::default();
-    refine(&scene, &limits, None, &album, &AtomicBool::new(false)).expect("a render");
+    refine(&scene, &settings, &limits, None, &album, &AtomicBool::new(false)).expect("a render");
     album.0.into_inner().unwrap_or_default()
 }
 

@@ -12,10 +12,11 @@ use std::path::PathBuf;
 use volpm::math::random::{Purpose, Stream};
 use volpm::math::{Ray, Vec3};
 use volpm::medium::Medium;
-use volpm::medium::phase::Deflection;
 use volpm::photon::{self, Disc, MapSettings, Pass, PhotonMap, Radius};
 use volpm::render::Camera;
-use volpm::scene;
+use volpm::scene::description::SingleScattering;
+use volpm::scene::{self, Settings};
+use volpm::transport::Events;
 
 const BLOCK: usize = 16;
 const PHOTONS: u64 = 300_000;
@@ -42,7 +43,7 @@ fn meet(discs: &[Disc], medium: &Medium, ray: &Ray) -> (Vec<Met>, f64) {
         if t <= 0.0 || q <= 0.0 {
             continue;
         }
-        let phase = medium.phase.value(Deflection::between(disc.photon.direction.as_dvec3(), -ray.direction));
+        let phase = medium.phase.value(disc.photon.direction.as_dvec3(), -ray.direction);
         let transmittance = (-medium.extinction.x * t).exp();
         let power = f64::from(disc.photon.power.x) * inverse_square * transmittance;
         let value = power * q * q * phase;
@@ -77,8 +78,15 @@ fn main() {
     for name in ["cornell", "stage", "cars", "lighthouse"] {
         let path = PathBuf::from(format!("scenes/paper/{name}.toml"));
         let scene = scene::read(&path, &[]).and_then(|description| scene::build(&description));
-        let scene = scene.unwrap_or_else(|error| panic!("{error}"));
-        let pass = Pass { seed: 1, index: 0, target: PHOTONS, max_emitted: 1000 * PHOTONS };
+        let (scene, Settings { film, .. }) = scene.unwrap_or_else(|error| panic!("{error}"));
+        let pass = Pass {
+            seed: 1,
+            index: 0,
+            target: PHOTONS,
+            max_emitted: 1000 * PHOTONS,
+            max_events: Events::unlimited(),
+            single_scattering: SingleScattering::Photons,
+        };
         let mut traced = photon::trace(&scene, &pass, &|_, _| {}, &|| false);
         traced.regions.sort_by_key(Vec::len);
         let photons = traced.regions.pop().expect("the scene has a medium");
@@ -86,13 +94,13 @@ fn main() {
         let map = PhotonMap::build(photons, &MapSettings::new(radius), &|_: Vec3, _: f32, _: f32, _: &mut _| ());
         let discs: Vec<Disc> = map.discs().collect();
 
-        let camera = Camera::new(&scene.camera, &scene.film);
+        let camera = Camera::new(&scene.camera, &film);
         let mut stream = Stream::new(5, Purpose::Test, 0, 0);
         let (mut rays, mut own, mut met) = (0.0, 0.0, 0);
         let mut shares = [[0.0; WAYS.len()]; NOISE.len()];
         for _ in 0..RAYS {
             let [x, y] = stream.uniform2();
-            let (x, y) = (x * f64::from(scene.film.width), y * f64::from(scene.film.height));
+            let (x, y) = (x * f64::from(film.width), y * f64::from(film.height));
             let ray = camera.ray(x as u32, y as u32, &mut stream);
             let (blocks, noise) = meet(&discs, &scene.media[0], &ray);
             if blocks.is_empty() {

@@ -30,9 +30,10 @@ mod splat {
     use glam::{DVec3, Vec3};
     use std::arch::x86_64::*;
     use std::f32::consts::{FRAC_1_PI, PI};
-    use volpm::gather::{Bundle, BundleScratch, GatherStats, Lobe, PhaseLanes};
+    use volpm::gather::{Bundle, BundleScratch, GatherStats, PhaseLanes};
     use volpm::math::random::{Purpose, Stream};
     use volpm::math::{Frame, Ray};
+    use volpm::medium::phase::HenyeyGreenstein;
     use volpm::photon::{Disc, MapSettings, Photon, PhotonMap, Radius};
 
     const SIGMA: f32 = 0.4;
@@ -241,7 +242,7 @@ mod splat {
         let map = PhotonMap::build(photons, &MapSettings::new(radius), &|_: Vec3, _: f32, _: f32, _: &mut _| ());
         let discs: Vec<Disc> = map.discs().collect();
         let rays = view.rays();
-        let phase = PhaseLanes::new(Lobe::HenyeyGreenstein(G.into()));
+        let phase = PhaseLanes::new(HenyeyGreenstein { g: G.into() });
         let reaches: Vec<(Ray, f64, f64)> = rays.iter().map(|ray| (*ray, 0.0, f64::INFINITY)).collect();
 
         let mut best = [f64::INFINITY; 4];

@@ -11,7 +11,8 @@
 //! ```
 //!
 //! - [`scene`] reads what a file says into a [`scene::Description`], with places kept for errors, and builds a
-//!   [`scene::Scene`] of it: files loaded, instances placed, the middle moved to the origin.
+//!   [`scene::Scene`] of it: files loaded, instances placed, the middle moved to the origin. How a picture of it is
+//!   computed, [`scene::Settings`] say.
 //! - [`render`] decides once what the scene needs (the [`render::Plan`]), then makes passes: photons, maps, and
 //!   camera samples that walk from surface to surface.
 //! - [`photon`] draws photons from lights and glowing media, walks them, stores them where they collide, finds
@@ -39,8 +40,8 @@
 //!
 //! # fn main() -> volpm::Result<()> {
 //! let description = scene::read("scenes/smoke.toml".as_ref(), &["film.width=320".to_string()])?;
-//! let scene = scene::build(&description)?;
-//! let rendering = render::render(&scene, &render::Silent, &AtomicBool::new(false))?;
+//! let (scene, settings) = scene::build(&description)?;
+//! let rendering = render::render(&scene, &settings, &render::Silent, &AtomicBool::new(false))?;
 //! image::write("smoke.png", &rendering.film.image().into(), &image::ToneSettings::default())?;
 //! # Ok(())
 //! # }

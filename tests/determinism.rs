@@ -67,10 +67,10 @@ fn threads_change_no_scene() {
             let overrides: Vec<String> =
                 QUICK.iter().chain(changes).chain(&chosen).map(|text| text.to_string()).collect();
             let description = scene::read(&file, &overrides).unwrap_or_else(|error| panic!("{error}"));
-            let scene = scene::build(&description).unwrap_or_else(|error| panic!("{error}"));
+            let (scene, settings) = scene::build(&description).unwrap_or_else(|error| panic!("{error}"));
             let [one, five] = [1, 5].map(|threads| {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-                let rendering = pool.install(|| render_scene(&scene, &Silent, &AtomicBool::new(false)));
+                let rendering = pool.install(|| render_scene(&scene, &settings, &Silent, &AtomicBool::new(false)));
                 digest(&rendering.unwrap_or_else(|error| panic!("{name}: {error}")).film)
             });
             assert_eq!(one, five, "{name}, {estimate}: five threads");

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use volpm::image::{Image, Layer};
 use volpm::render::checkpoint::{self, Subject};
 use volpm::render::{Checkpoint, End, Film, Limits, Rendering, Silent, Stats, narrowing, refine};
-use volpm::scene::{self, Description, Scene};
+use volpm::scene::{self, Description, Scene, Settings};
 use xxhash_rust::xxh3::xxh3_128;
 
 use crate::support::{ALL_SORTS, data};
@@ -20,18 +20,19 @@ const QUICK: [&str; 4] = ["film.width=19", "film.height=18", "render.samples=2",
 struct Work {
     description: Description,
     scene: Scene,
+    settings: Settings,
 }
 
 impl Work {
     fn new(overrides: &[&str]) -> Self {
         let overrides: Vec<String> = QUICK.iter().chain(overrides).map(|text| text.to_string()).collect();
         let description = scene::parse(ALL_SORTS, &data("scene.toml"), &overrides).unwrap();
-        let scene = scene::build(&description).unwrap();
-        Work { description, scene }
+        let (scene, settings) = scene::build(&description).unwrap();
+        Work { description, scene, settings }
     }
 
     fn render(&self, limits: &Limits, before: Option<(Film, Stats)>) -> Rendering {
-        refine(&self.scene, limits, before, &Silent, &AtomicBool::new(false)).unwrap()
+        refine(&self.scene, &self.settings, limits, before, &Silent, &AtomicBool::new(false)).unwrap()
     }
 
     fn passes(&self, first: u32, last: u32) -> Rendering {
@@ -245,20 +246,23 @@ fn ends_when_told() {
 fn short_memory_makes_more_passes_of_one() {
     let work = Work::new(&["photons.volume=1_000_000", "film.layers=false"]);
     let limits = |memory| Limits { memory: Some(memory), ..Limits::default() };
-    assert_eq!(limits(1 << 30).parts(&work.scene, 1_000_000).unwrap(), 1);
-    let parts = limits(100 << 20).parts(&work.scene, 1_000_000).unwrap();
+    assert_eq!(limits(1 << 30).parts(&work.scene, &work.settings, 1_000_000).unwrap(), 1);
+    let parts = limits(100 << 20).parts(&work.scene, &work.settings, 1_000_000).unwrap();
     assert!((2..20).contains(&parts), "{parts} parts");
     // One radius for all is stored once.
     let [fixed, variable] = ["fixed", "variable"].map(|kernel| {
         let work = Work::new(&["film.layers=false", &format!("volume.kernel={kernel}")]);
-        limits(1 << 30).parts(&work.scene, 1_000_000_000).unwrap()
+        limits(1 << 30).parts(&work.scene, &work.settings, 1_000_000_000).unwrap()
     });
     assert!(fixed < variable, "{fixed} and {variable} parts");
-    let refused = limits(1 << 20).parts(&work.scene, 1_000_000).unwrap_err().to_string();
+    let refused = limits(1 << 20).parts(&work.scene, &work.settings, 1_000_000).unwrap_err().to_string();
     assert!(refused.contains("are not enough") && refused.contains("allow"), "{refused}");
     // What it says would do does.
     let allowed: f64 = refused.split("allow ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
-    assert!(limits(((allowed + 0.1) * 1048576.0) as u64).parts(&work.scene, 1_000_000).is_ok(), "{refused}");
+    assert!(
+        limits(((allowed + 0.1) * 1048576.0) as u64).parts(&work.scene, &work.settings, 1_000_000).is_ok(),
+        "{refused}"
+    );
 }
 
 #[test]

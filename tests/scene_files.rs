@@ -4,6 +4,8 @@ use std::path::{Path, PathBuf};
 
 use volpm::math::random::{Purpose, Stream};
 use volpm::math::{DVec2, DVec3, Rgb};
+use volpm::medium::density::{Exponential, Noise};
+use volpm::medium::phase::{HenyeyGreenstein, Isotropic, Mixture, Rayleigh, Schlick, mie};
 use volpm::scene::description::*;
 use volpm::{Error, scene};
 
@@ -222,13 +224,13 @@ fn every_key_is_read_as_the_manual_says() {
     assert_eq!((temperature.value.as_str(), *kelvin_scale, *scale), ("heat", 2.0, 1e-3));
 
     assert_eq!((fog.sigma_s, fog.sigma_a), (Rgb::new(0.04, 0.06, 0.08), Rgb::ONE));
-    assert_eq!(fog.phase, Phase::HenyeyGreenstein { g: -0.75 });
+    assert_eq!(fog.phase, HenyeyGreenstein { g: -0.75 }.into());
     let up = 2.0 * DVec3::Y;
-    assert_eq!(fog.density, Density::Exponential { origin: DVec3::Y, up, scale_height: 3.0, value: 4.0 });
+    assert_eq!(fog.density, Density::Exponential(Exponential { origin: DVec3::Y, up, scale_height: 3.0, value: 4.0 }));
     assert_eq!(fog.emission, Some(MediumEmission::Constant { radiance: Rgb::new(2.0, 4.0, 6.0) }));
 
     assert_eq!((cloud.sigma_s, cloud.sigma_a), (Rgb::ONE, Rgb::ZERO));
-    assert_eq!(cloud.phase, Phase::Mixture(vec![(0.75, Phase::Schlick { k: 0.5 }), (0.25, Phase::Rayleigh)]));
+    assert_eq!(cloud.phase, Mixture::new(vec![(0.75, Schlick { k: 0.5 }.into()), (0.25, Rayleigh.into())]).into());
     let Density::Array { file, min, max } = &cloud.density else { panic!("{cloud:?}") };
     assert_eq!(
         (file.value.as_path(), *min, *max),
@@ -687,7 +689,7 @@ fn overrides_reach_every_key() {
     assert_eq!(scene.materials[2].kind, MaterialKind::Dielectric { ior: Rgb::splat(2.0), roughness: 0.25 });
     let Density::Vdb { file, .. } = &scene.media[0].density else { panic!() };
     assert_eq!(file.value, PathBuf::from("scenes/a = b/smöke.vdb"));
-    assert_eq!(scene.media[2].phase, Phase::Isotropic);
+    assert_eq!(scene.media[2].phase, Isotropic.into());
 
     for (text, part) in [
         ("film.wdith=3", "--set film.wdith=3: film.wdith: unknown key; did you mean `width`?"),
@@ -742,11 +744,11 @@ fn coefficients_are_converted_to_scene_units() {
 fn kinds_have_their_defaults() {
     let media = |text: &str| parse(&format!("[media.a]\nsigma_s = 1\n{text}\n{CAMERA}"), &[]).map(|scene| scene.media);
     let noise = media("density = { type = \"noise\" }").expect("defaults");
-    assert_eq!(noise[0].density, Density::Noise { scale: 1.0, octaves: 4, threshold: 0.5, seed: 0 });
+    assert_eq!(noise[0].density, Density::Noise(Noise { scale: 1.0, octaves: 4, threshold: 0.5, seed: 0 }));
     let text = "density = { type = \"noise\", scale = 2, octaves = 3, threshold = 0, seed = 9 }\nphase = { type = \"mie\", diameter = 20 }";
     let noise = media(text).expect("every key");
-    assert_eq!(noise[0].density, Density::Noise { scale: 2.0, octaves: 3, threshold: 0.0, seed: 9 });
-    assert_eq!(noise[0].phase, Phase::Mie { diameter: 20.0 });
+    assert_eq!(noise[0].density, Density::Noise(Noise { scale: 2.0, octaves: 3, threshold: 0.0, seed: 9 }));
+    assert_eq!(noise[0].phase, mie(20.0).into());
 }
 
 #[test]

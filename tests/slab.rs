@@ -11,7 +11,8 @@ use std::ops::ControlFlow;
 use volpm::math::random::Purpose;
 use volpm::math::{DVec3, Ray, Rgb, Stream};
 use volpm::scene::{Inside, Scene};
-use volpm::transport::{Crossing, Segment, Side, Stop, Tally, Visitor, Walk, fly, survive};
+use volpm::surface::Side;
+use volpm::transport::{Heading, Luggage, Part, Parts, Segment, Tally, Traveller, Vertex, Walk, fly, survive, travel};
 
 use crate::support::{Checks, Effort, Estimate, STRICT, allowed, chosen, data, scene};
 
@@ -359,53 +360,59 @@ impl Slab {
     }
 }
 
-/// One photon, flying.
-struct Flying<'t> {
-    scene: &'t Scene,
-    weight: Rgb,
+/// One photon on its way, and the power with which it leaves upwards, and downwards.
+struct Leaving<'s, 't> {
+    scene: &'s Scene,
     stream: &'t mut Stream,
-    collision: Option<f64>,
+    power: [f64; 2],
 }
 
-impl Visitor for Flying<'_> {
-    fn segment(&mut self, segment: &Segment<'_>) -> ControlFlow<()> {
-        let medium = &self.scene.media[segment.medium as usize];
-        let (range, mut tally) = ((segment.a, segment.b), Tally::default());
-        self.collision = fly(medium, segment.ray, range, &mut self.weight, self.stream, &mut tally, |_, _| {});
-        if self.collision.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+impl<'s> Traveller<'s> for Leaving<'s, '_> {
+    type Own = ();
+
+    fn scene(&self) -> &'s Scene {
+        self.scene
     }
 
-    fn crossing(&mut self, _: &Crossing<'_>) {}
+    fn stream(&mut self) -> &mut Stream {
+        self.stream
+    }
+
+    fn segment(&mut self, segment: &Segment<'_>, luggage: &mut Luggage<()>, _: &mut Parts<'s, ()>) -> ControlFlow<f64> {
+        let medium = &self.scene.media[segment.medium as usize];
+        let (range, mut tally) = ((segment.a, segment.b), Tally::default());
+        fly(medium, segment.ray, range, &mut luggage.weight, self.stream, &mut tally, |_, _| {})
+            .map_or(ControlFlow::Continue(()), ControlFlow::Break)
+    }
+
+    fn turn(
+        &mut self,
+        at: Vertex<'_>,
+        _: &Walk<'s>,
+        luggage: &mut Luggage<()>,
+        _: &mut Parts<'s, ()>,
+    ) -> Option<Heading> {
+        let onward = at.onward(Side::Light, None, &mut luggage.weight, self.stream, survive)?;
+        Some(Heading { direction: onward.direction, clearance: None })
+    }
+
+    fn escapes(&mut self, direction: DVec3, luggage: &Luggage<()>) {
+        self.power[usize::from(direction.z <= 0.0)] += luggage.weight.x;
+    }
+
+    fn stopped(&mut self) {
+        panic!("a photon goes on for ever");
+    }
 }
 
 /// The power of a photon that leaves upwards, and downwards, of 1 that comes from above.
 fn leaving(scene: &Scene, stream: &mut Stream) -> [f64; 2] {
     let ray = Ray::new(DVec3::Z - scene.center, -DVec3::Z);
-    let (mut walk, mut weight) = (Walk::start(scene, ray, Inside::default()), Rgb::ONE);
-    loop {
-        let mut flying = Flying { scene, weight, stream, collision: None };
-        let stop = walk.advance(&mut flying);
-        weight = flying.weight;
-        let collision = flying.collision;
-        match (stop, collision) {
-            (Stop::Ended, Some(t)) => {
-                let medium = &scene.media[0];
-                if !survive(&mut weight, medium.albedo, stream) {
-                    return [0.0; 2];
-                }
-                let (direction, _) = medium.phase.sample(walk.ray.direction, stream);
-                walk.turn(t, direction);
-            }
-            (Stop::Surface(at), _) => match at.scatter(Side::Light, &mut weight, stream) {
-                Some(direction) => walk.leave(&at, direction),
-                None => return [0.0; 2],
-            },
-            _ => {
-                let power = weight.x;
-                return if walk.ray.direction.z > 0.0 { [power, 0.0] } else { [0.0, power] };
-            }
-        }
-    }
+    let start =
+        Part { walk: Walk::start(scene, ray, Inside::default()), luggage: Luggage::new(Rgb::ONE, ()), collision: None };
+    let mut leaving = Leaving { scene, stream, power: [0.0; 2] };
+    travel(&mut leaving, start, &mut Parts::new());
+    leaving.power
 }
 
 /// Rows that between them have every index, phase function, thickness and albedo, with R and T, and how many times 2000

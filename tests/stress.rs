@@ -23,8 +23,8 @@ fn folder() -> PathBuf {
 fn try_render(name: &str, overrides: &[&str]) -> Result<(Rendering, Vec<String>)> {
     let overrides: Vec<String> = overrides.iter().map(|text| text.to_string()).collect();
     let description = scene::read(&folder().join(name).with_extension("toml"), &overrides)?;
-    let scene = scene::build(&description)?;
-    let rendering = render(&scene, &Silent, &AtomicBool::new(false))?;
+    let (scene, settings) = scene::build(&description)?;
+    let rendering = render(&scene, &settings, &Silent, &AtomicBool::new(false))?;
     let warnings = scene.warnings.iter().chain(&rendering.warnings).cloned().collect();
     Ok((rendering, warnings))
 }

@@ -4,6 +4,8 @@ use rayon::prelude::*;
 use volpm::image::Image;
 use volpm::math::Rgb;
 use volpm::photon::{self, Pass, Photon};
+use volpm::scene::description::SingleScattering;
+use volpm::transport::Events;
 
 use crate::slab::Slab;
 use crate::support::{Checks, Effort, Estimate, STRICT, chosen, scene};
@@ -445,7 +447,14 @@ fn photons_in_a_dense_solid_are_nearly_independent() {
     const SEEDS: u64 = 48;
     let scene = scene(ON_A_FLOOR, &[]);
     let side = |seed: u64| {
-        let pass = Pass { seed, index: 0, target: 20_000, max_emitted: 10_000_000 };
+        let pass = Pass {
+            seed,
+            index: 0,
+            target: 20_000,
+            max_emitted: 10_000_000,
+            max_events: Events::unlimited(),
+            single_scattering: SingleScattering::Photons,
+        };
         let traced = photon::trace(&scene, &pass, &|_, _| {}, &|| false);
         let shallow = |photon: &&Photon| {
             let p = photon.position.as_dvec3() + scene.center;

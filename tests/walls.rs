@@ -6,14 +6,18 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 use smallvec::SmallVec;
-use volpm::gather::{BeamQuery, GatherStats, Lobe, PhaseLanes};
+use volpm::gather::{BeamQuery, GatherStats, PhaseLanes};
 use volpm::image::Image;
 use volpm::math::random::Purpose;
 use volpm::math::{DVec3, Stream, Vec3};
+use volpm::medium::phase::HenyeyGreenstein;
 use volpm::photon::{self, MapSettings, Pass, PhotonMap, Plane, Radius, walls};
 use volpm::render::Camera;
+use volpm::scene::Settings;
+use volpm::scene::description::SingleScattering;
+use volpm::transport::Events;
 
-use crate::support::{Checks, Estimate, images, scene};
+use crate::support::{Checks, Estimate, built, images};
 
 /// Fog over a black floor, seen along it: each row of pixels is a tenth higher above it than the one below.
 const ROOM: &str = r#"
@@ -67,15 +71,22 @@ fn band_of(image: &Image, rows: &Range<u32>) -> f64 {
 
 /// What both bands show, by radius, corrected and not, of the same photons along the same rays.
 fn bands(seed: u64) -> [[[f64; 2]; 3]; 2] {
-    let scene = scene(ROOM, &[]);
-    let camera = Camera::new(&scene.camera, &scene.film);
-    let pass = Pass { seed, index: 0, target: 100_000, max_emitted: 10_000_000 };
+    let (scene, Settings { film, .. }) = built(ROOM, &[]);
+    let camera = Camera::new(&scene.camera, &film);
+    let pass = Pass {
+        seed,
+        index: 0,
+        target: 100_000,
+        max_emitted: 10_000_000,
+        max_events: Events::unlimited(),
+        single_scattering: SingleScattering::Photons,
+    };
     let traced = photon::trace(&scene, &pass, &|_, _| {}, &|| false);
     let medium = &scene.media[0];
     let middle = DVec3::new(0.0, 1.0, 0.0) - scene.center;
     let photons = &traced.regions[scene.region(&scene.inside(middle)) as usize];
     let fog = scene.geometry.bounds(scene.solids[0].shape);
-    let phase = PhaseLanes::new(Lobe::HenyeyGreenstein(0.3));
+    let phase = PhaseLanes::new(HenyeyGreenstein { g: 0.3 });
     [true, false].map(|boundaries| {
         RADII.map(|radius| {
             let settings = MapSettings { boundaries, ..MapSettings::new(Radius::Fixed(radius as f32)) };
@@ -85,7 +96,7 @@ fn bands(seed: u64) -> [[[f64; 2]; 3]; 2] {
             let map = PhotonMap::build(photons.clone(), &settings, &near);
             BANDS.map(|(_, rows)| {
                 let mut sum = 0.0;
-                for (x, y) in rows.clone().flat_map(|y| (0..scene.film.width).map(move |x| (x, y))) {
+                for (x, y) in rows.clone().flat_map(|y| (0..film.width).map(move |x| (x, y))) {
                     let mut stream = Stream::new(seed, Purpose::Test, u64::from(y), u64::from(x));
                     for _ in 0..SAMPLES {
                         let ray = camera.ray(x, y, &mut stream);
@@ -103,7 +114,7 @@ fn bands(seed: u64) -> [[[f64; 2]; 3]; 2] {
                         sum += f64::from(map.gather(&query, &mut GatherStats::default()).total[0]);
                     }
                 }
-                sum / f64::from(SAMPLES * scene.film.width * rows.len() as u32)
+                sum / f64::from(SAMPLES * film.width * rows.len() as u32)
             })
         })
     })

@@ -18,13 +18,14 @@ use glam::{DAffine3, DVec3, Vec3};
 use std::sync::Arc;
 use std::time::Instant;
 use volpm::gather::{
-    BeamQuery, Bundle, BundleScratch, DepthTable, Fan, GatherStats, Gathered, Lattices, Lobe, PhaseLanes,
-    SampledDepths, Samples, StreamScratch,
+    BeamQuery, Bundle, BundleScratch, DepthTable, Fan, GatherStats, Gathered, Lattices, PhaseLanes, SampledDepths,
+    Samples, StreamScratch,
 };
 use volpm::math::random::{Purpose, Stream};
 use volpm::math::{Frame, Ray};
 use volpm::medium::density::bricks::{BrickGrid, NegativePolicy};
 use volpm::medium::density::{Density, Grid};
+use volpm::medium::phase::{HenyeyGreenstein, Isotropic, Rayleigh, Schlick};
 use volpm::photon::{Disc, Instructions, MapSettings, Photon, PhotonMap, Radius};
 
 const SIGMA: f32 = 0.4;
@@ -368,7 +369,7 @@ fn compare(map: &PhotonMap, rays: &[Ray], instructions: Instructions) {
         }
         best = best.min(seconds() - start);
     }
-    let phase = PhaseLanes::new(Lobe::HenyeyGreenstein(0.75));
+    let phase = PhaseLanes::new(HenyeyGreenstein { g: 0.75 });
     for ray in &some {
         let query = BeamQuery { origin: ray.origin, direction: ray.direction, ..query(&phase) };
         let ours = Vec3::from(map.gather(&query, &mut GatherStats::default()).total);
@@ -427,11 +428,11 @@ fn main() {
     let set = *available.iter().find(named).unwrap_or(&available[0]);
     println!("queries by {set}");
     let phases = [
-        ("isotropic", PhaseLanes::new(Lobe::Isotropic)),
-        ("Henyey-Greenstein 0.75", PhaseLanes::new(Lobe::HenyeyGreenstein(0.75))),
-        ("Schlick 0.7", PhaseLanes::new(Lobe::Schlick(0.7))),
-        ("Rayleigh", PhaseLanes::new(Lobe::Rayleigh)),
-        ("Henyey-Greenstein 0.95", PhaseLanes::new(Lobe::HenyeyGreenstein(0.95))),
+        ("isotropic", PhaseLanes::new(Isotropic)),
+        ("Henyey-Greenstein 0.75", PhaseLanes::new(HenyeyGreenstein { g: 0.75 })),
+        ("Schlick 0.7", PhaseLanes::new(Schlick { k: 0.7 })),
+        ("Rayleigh", PhaseLanes::new(Rayleigh)),
+        ("Henyey-Greenstein 0.95", PhaseLanes::new(HenyeyGreenstein { g: 0.95 })),
     ];
     let mut table = DepthTable::new();
     for i in 0..=100 {

@@ -89,15 +89,15 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     teller.bar.finish();
     let results = results?;
     if !arguments.quiet {
-        results.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+        results.warnings.iter().for_each(|warning| super::tell(format_args!("warning: {warning}")));
         for variant in &results.variants {
-            variant.notes.iter().for_each(|note| eprintln!("{}: {note}", variant.name));
+            variant.notes.iter().for_each(|note| super::tell(format_args!("{}: {note}", variant.name)));
         }
     }
     super::print(&if arguments.json { super::json(&results)? } else { table(&results) })?;
     if !results.complete {
         if !arguments.quiet {
-            eprintln!("{}: as far as it came; the same command goes on", arguments.out.display());
+            super::tell(format_args!("{}: as far as it came; the same command goes on", arguments.out.display()));
         }
         return Err(Error::Interrupted);
     }

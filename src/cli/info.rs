@@ -229,7 +229,7 @@ fn image_facts(path: &Path) -> Result<Value> {
 
 fn scene_facts(path: &Path) -> Result<Value> {
     let description = scene::read(path, &[])?;
-    let scene = scene::build(&description)?;
+    let (scene, settings) = scene::build(&description)?;
     let bounds = scene.bounds();
     let media: Vec<Value> = scene
         .media
@@ -248,8 +248,8 @@ fn scene_facts(path: &Path) -> Result<Value> {
     Ok(json!({
         "file": path.display().to_string(),
         "format": "scene",
-        "film": [scene.film.width, scene.film.height],
-        "samples": scene.render.samples,
+        "film": [settings.film.width, settings.film.height],
+        "samples": settings.render.samples,
         "bounds": [(bounds.min + scene.center).to_array(), (bounds.max + scene.center).to_array()],
         "surfaces": scene.surfaces.len(),
         "solids": scene.solids.len(),

@@ -49,7 +49,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let names: Vec<String> = arguments.out.iter().map(|path| path.display().to_string()).collect();
         let passes = stats.passes;
         let error = stats.error.map_or(String::new(), |error| format!(", standard error {:.2} %", 100.0 * error));
-        eprintln!("{}: {passes} passes{error}", names.join(", "));
+        super::tell(format_args!("{}: {passes} passes{error}", names.join(", ")));
     }
     Ok(())
 }

@@ -13,6 +13,8 @@ mod values;
 mod watch;
 
 use std::ffi::OsString;
+use std::fmt::Display;
+use std::io::{self, Write};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -52,12 +54,12 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Ok(arguments) => arguments,
         Err(error) => {
             if let Some(message) = still_to_come(&error, asks_for_help) {
-                eprintln!("error: {message}");
+                tell(format_args!("error: {message}"));
                 return ExitCode::from(2);
             }
             // Help and version go to stdout with status 0, complaints to stderr with status 2.
-            let status = if error.use_stderr() { 2 } else { 0 };
-            return if error.print().is_ok() { ExitCode::from(status) } else { ExitCode::from(1) };
+            let printed = error.print();
+            return if error.use_stderr() { ExitCode::from(2) } else { status(unless_hung_up(printed)) };
         }
     };
     let done = match arguments.command {
@@ -67,10 +69,15 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Merge(arguments) => merge::run(&arguments),
         Command::Info(arguments) => info::run(&arguments),
     };
+    status(done)
+}
+
+/// The exit status of what was done; tells of an error.
+fn status(done: Result<()>) -> ExitCode {
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {error}");
+            tell(format_args!("error: {error}"));
             ExitCode::from(error.exit_status())
         }
     }
@@ -118,12 +125,22 @@ fn pool(threads: Option<u16>) -> Result<rayon::ThreadPool> {
         .map_err(|error| Error::Limit(format!("cannot start {threads} threads: {error}")))
 }
 
-/// Prints to stdout; a reader that hung up is no failure.
+/// Tells the user something on stderr, in a line of its own. What cannot be told is dropped: a reader that hung up, or a
+/// log on a full disk, must not cost the picture.
+fn tell(message: impl Display) {
+    let _ = writeln!(io::stderr().lock(), "{message}");
+}
+
+/// Prints what was asked for to stdout.
 fn print(text: &str) -> Result<()> {
-    use std::io::Write;
-    let mut out = std::io::stdout().lock();
-    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(Error::output("stdout", error)),
+    let mut out = io::stdout().lock();
+    unless_hung_up(out.write_all(text.as_bytes()).and_then(|()| out.flush()))
+}
+
+/// What became of writing to stdout, where a reader that hung up has read enough.
+fn unless_hung_up(written: io::Result<()>) -> Result<()> {
+    match written {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(Error::output("stdout", error)),
         _ => Ok(()),
     }
 }

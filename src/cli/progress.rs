@@ -35,8 +35,8 @@ impl Bar {
             return;
         }
         match self.bar.lock() {
-            Ok(bar) => bar.suspend(|| eprintln!("{message}")),
-            Err(_) => eprintln!("{message}"),
+            Ok(bar) => bar.suspend(|| super::tell(message)),
+            Err(_) => super::tell(message),
         }
     }
 }

@@ -2,7 +2,6 @@
 
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use clap::Args;
@@ -16,11 +15,11 @@ use super::values;
 use super::watch::Watch;
 use crate::compare::peak_bytes;
 use crate::image::{self, Format};
-use crate::medium::density::Density;
+use crate::medium::density;
 use crate::render::checkpoint::Subject;
 use crate::render::{self, Checkpoint, End, Film, Limits, Rendering, Stats};
 use crate::scene::description::Description;
-use crate::scene::{self, Scene};
+use crate::scene::{self, Scene, Settings};
 use crate::{Error, Result};
 
 #[derive(Args)]
@@ -99,10 +98,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 
     let stop = super::stop_on_signal()?;
     let pool = super::pool(arguments.threads)?;
-    let (description, scene) = pool.install(|| -> Result<(Description, Scene)> {
+    let (description, scene, settings) = pool.install(|| -> Result<(Description, Scene, Settings)> {
         let description = scene::read(&arguments.scene, &overrides)?;
-        let scene = scene::build(&description)?;
-        Ok((description, scene))
+        let (scene, settings) = scene::build(&description)?;
+        Ok((description, scene, settings))
     })?;
     let load = start.elapsed().as_secs_f64();
     if !arguments.quiet {
@@ -115,9 +114,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     let mut start_from = None;
     if before.is_some() || arguments.checkpoint.is_some() {
-        let subject = Subject::new(&description, limits.parts(&scene, render::volume_photons(&scene))?);
+        let subject =
+            Subject::new(&description, limits.parts(&scene, &settings, render::volume_photons(&scene, &settings))?);
         if let Some((path, before)) = before {
-            start_from = Some(continued(path, before, &subject, scene.render.seed)?);
+            start_from = Some(continued(path, before, &subject, settings.render.seed)?);
         }
         if let Some(path) = &arguments.checkpoint {
             watch.checkpoint(path.clone(), subject);
@@ -126,14 +126,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     #[cfg(feature = "tev")]
     if let Some(address) = &arguments.tev {
         let name = description.path.display().to_string();
-        watch.viewer(Viewer::new(address, &name, (scene.film.width, scene.film.height))?);
+        watch.viewer(Viewer::new(address, &name, (settings.film.width, settings.film.height))?);
     }
-    let rendering = pool.install(|| render::refine(&scene, &limits, start_from, &watch, &stop))?;
+    let rendering = pool.install(|| render::refine(&scene, &settings, &limits, start_from, &watch, &stop))?;
     let kept = watch.finish(&rendering.film, &rendering.stats);
     let total = start.elapsed().as_secs_f64();
     if !arguments.quiet {
         for warning in &rendering.warnings {
-            eprintln!("warning: {warning}");
+            super::tell(format_args!("warning: {warning}"));
         }
     }
 
@@ -153,20 +153,20 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     let mut failures = written.into_iter().filter_map(Result::err);
     if let Some(first) = failures.next() {
-        failures.for_each(|error| eprintln!("error: {error}"));
+        failures.for_each(|error| super::tell(format_args!("error: {error}")));
         return Err(first);
     }
     if let Some(path) = arguments.checkpoint.as_ref().filter(|_| !arguments.quiet) {
         match rendering.film.done().count() {
-            0 => eprintln!("{}: not written: no pass is finished", path.display()),
-            passes => eprintln!("{}: {passes} passes, to go on from with --resume", path.display()),
+            0 => super::tell(format_args!("{}: not written: no pass is finished", path.display())),
+            passes => super::tell(format_args!("{}: {passes} passes, to go on from with --resume", path.display())),
         }
     }
     if rendering.end == End::Interrupted {
         if !arguments.quiet {
             let names: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
             let done = if seen { "as far as it came" } else { "not written: there is no sample yet" };
-            eprintln!("{}: {done}", names.join(", "));
+            super::tell(format_args!("{}: {done}", names.join(", ")));
         }
         return Err(Error::Interrupted);
     }
@@ -251,24 +251,23 @@ fn describe(scene: &Scene) {
         let support = medium.density.support();
         let sigma = format!("{:.4}, {:.4}, {:.4}", extinction.x, extinction.y, extinction.z);
         if support.is_empty() || extinction.max_element() <= 0.0 {
-            eprintln!("medium {}: clear", medium.name);
+            super::tell(format_args!("medium {}: clear", medium.name));
         } else if support.size().is_finite() {
             let (min, max) = (support.min + scene.center, support.max + scene.center);
             let across = support.size().max_element();
             let ray = crate::math::Ray::new(support.center() - across * crate::math::DVec3::Y, crate::math::DVec3::Y);
             let depth = medium.density.depth(&ray, 0.0, 2.0 * across) * medium.extinction.max_element();
-            eprintln!(
+            super::tell(format_args!(
                 "medium {}: from ({:.3}, {:.3}, {:.3}) to ({:.3}, {:.3}, {:.3}), extinction up to ({sigma}), optical depth {depth:.3} upwards through its middle",
                 medium.name, min.x, min.y, min.z, max.x, max.y, max.z
-            );
+            ));
         } else {
-            let kind =
-                if matches!(medium.density, Density::Uniform) { "the same everywhere" } else { "without an end" };
-            eprintln!("medium {}: {kind}, extinction up to ({sigma})", medium.name);
+            let kind = if medium.density.is_even() { "the same everywhere" } else { "without an end" };
+            super::tell(format_args!("medium {}: {kind}, extinction up to ({sigma})", medium.name));
         }
     }
     for warning in &scene.warnings {
-        eprintln!("warning: {warning}");
+        super::tell(format_args!("warning: {warning}"));
     }
 }
 
@@ -335,17 +334,7 @@ impl Report {
         total: f64,
     ) -> Self {
         let stats = &rendering.stats;
-        let mut seen = Vec::new();
-        let mut density = 0;
-        for medium in &scene.media {
-            if let Density::Grid(grid) = &medium.density {
-                let voxels = Arc::as_ptr(grid.voxels());
-                if !seen.contains(&voxels) {
-                    seen.push(voxels);
-                    density += grid.voxels().bytes() as u64;
-                }
-            }
-        }
+        let density = density::bytes(scene.media.iter().map(|medium| &medium.density));
         Report {
             scene: description.path.display().to_string(),
             method: method_name(description.render.method),
@@ -395,5 +384,5 @@ fn summarise(report: &Report, stats: &Stats, outputs: &[PathBuf]) {
         parts.push(format!("standard error {:.2} %", 100.0 * error));
     }
     let names: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
-    eprintln!("{}: {}", names.join(", "), parts.join(", "));
+    super::tell(format_args!("{}: {}", names.join(", "), parts.join(", ")));
 }

@@ -4,12 +4,12 @@ use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
+use super::context::{Context, method_name, settings};
 use super::figures::Standard;
 use super::lab::Lab;
 use super::results::{Reference, ReferenceKind, Region};
 use super::store::{Made, Store};
 use super::variant::{self, Pair, Variant};
-use super::{Context, settings};
 use crate::image::{self, Image, Layer, LayerData, Picture};
 use crate::render::checkpoint::{self, Checkpoint, Subject};
 use crate::render::{Component, End, Limits};
@@ -88,7 +88,7 @@ pub fn limit(variant: &Variant, context: &Context<'_>, store: &Store, regions: &
     let (standard, made) = make(&name, Some(&variant.asked.name), &set, &limits, context, store)?;
     let facts = Reference {
         kind: ReferenceKind::Own,
-        method: Some(super::method_name(&description)),
+        method: Some(method_name(&description)),
         image: Some(format!("{name}.exr")),
         standard_error: None,
         samples: Some(made.samples),
@@ -122,13 +122,13 @@ fn make(
         return Ok((Standard { image: picture.image, error: Some(error) }, made));
     }
 
-    let scene = scene::build(&description)?;
+    let built = scene::build(&description)?;
     context.watch.begins(&match variant {
         Some(variant) => format!("{variant}: limit with {} samples", request.limit_samples),
         None => format!("reference to {} %", 100.0 * request.reference_error),
     });
     let photons = variant.and(context.shared());
-    let mut lab = Lab::new(scene, photons, request.components()?, context.watch, context.stop)?;
+    let mut lab = Lab::new(built, photons, request.components()?, context.watch, context.stop)?;
     let limits = Limits { resumable: true, shown: lab.limits().shown, ..limits.clone() };
     // An interrupted one goes on.
     let begun = store.read::<String>(&format!("{part}.json")).is_some_and(|begun| begun == digest);

@@ -149,7 +149,7 @@ pub fn tune(
     target: f64,
     rmse: &dyn Fn(&Image) -> f64,
 ) -> Result<Option<(Arc<Snapshot>, Tuned)>> {
-    let (start, range) = tunable.range(&lab.scene)?;
+    let (start, range) = tunable.range(&lab.scene, &lab.settings)?;
     let mut search = Search { lab, tunable, start, range, known: Vec::new() };
     let mut best: Option<(f64, Arc<Snapshot>, String, bool)> = None;
     let mut trials = Vec::new();

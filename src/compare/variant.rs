@@ -1,11 +1,11 @@
 //! Variants: an estimate with its settings.
 
-use super::Context;
+use super::context::Context;
 use crate::gather::march::Marcher;
 use crate::render::{Camera, Limits, Plan, SharedMap};
 use crate::scene::description::{Description, Estimate, Kernel, Method};
 use crate::scene::description::{March, Volume};
-use crate::scene::{self, Scene, StudyVariant, is_plain};
+use crate::scene::{self, Scene, Settings, StudyVariant, is_plain};
 use crate::{Error, Result};
 
 /// A key of the scene file and its value.
@@ -174,8 +174,8 @@ fn derived(description: &Description, context: &mut Context<'_>) -> Result<Optio
 fn mean_radius(context: &mut Context<'_>, neighbours: Option<u32>) -> Result<Option<f64>> {
     let mut set: Vec<Pair> = BUILT_IN[1].1.iter().map(|(key, value)| (key.to_string(), value.to_string())).collect();
     set.extend(neighbours.map(|n| ("volume.neighbours".to_string(), n.to_string())));
-    let scene = scene::build(&context.describe("beam", &set)?)?;
-    let map = SharedMap::build(&scene, context.photons()?)?;
+    let (scene, settings) = scene::build(&context.describe("beam", &set)?)?;
+    let map = SharedMap::build(&scene, &settings, context.photons()?)?;
     let stats = map.stats();
     Ok((stats.volume > 0).then_some(stats.radii.mean.into()))
 }
@@ -237,30 +237,31 @@ impl Tunable {
     }
 
     /// Its value, from the scene's plan where the file leaves it open, and how far it may go.
-    pub fn range(self, scene: &Scene) -> Result<(f64, [f64; 2])> {
-        let plan = plan(scene)?;
+    pub fn range(self, scene: &Scene, settings: &Settings) -> Result<(f64, [f64; 2])> {
+        let (plan, volume) = (plan(scene, settings)?, &settings.volume);
         let extent = scene.bounds().diagonal().max(f64::MIN_POSITIVE);
         let (now, range) = match self {
             Tunable::MarchSize => (shortest_step(&plan), [1e-5 * extent, 10.0 * extent]),
-            Tunable::Contrast => (march(&scene.volume).contrast, [1e-3, 1e3]),
-            Tunable::Neighbours => (scene.volume.neighbours.map_or(60.0, f64::from), [5.0, 1e5]),
+            Tunable::Contrast => (march(volume).contrast, [1e-3, 1e3]),
+            Tunable::Neighbours => (volume.neighbours.map_or(60.0, f64::from), [5.0, 1e5]),
             Tunable::Radius => (radius(&plan), [1e-5 * extent, extent]),
-            Tunable::Photons => (scene.photons.volume.map_or(1e6, |photons| photons as f64), [1e3, 1e9]),
+            Tunable::Photons => (settings.photons.volume.map_or(1e6, |photons| photons as f64), [1e3, 1e9]),
         };
         Ok((now.clamp(range[0], range[1]), range))
     }
 
     /// Sets it. Returns the value as a scene file would say it.
-    pub fn set(self, scene: &mut Scene, value: f64) -> String {
+    pub fn set(self, settings: &mut Settings, value: f64) -> String {
         let whole = value.round().max(1.0);
+        let volume = &mut settings.volume;
         match self {
             Tunable::MarchSize => {
-                scene.volume.march = Some(March { size: Some(value), ..march(&scene.volume) });
+                volume.march = Some(March { size: Some(value), ..march(volume) });
             }
-            Tunable::Contrast => scene.volume.march = Some(March { contrast: value, ..march(&scene.volume) }),
-            Tunable::Neighbours => scene.volume.neighbours = Some(whole as u32),
-            Tunable::Radius => scene.volume.radius = Some(value),
-            Tunable::Photons => scene.photons.volume = Some(whole as u64),
+            Tunable::Contrast => volume.march = Some(March { contrast: value, ..march(volume) }),
+            Tunable::Neighbours => volume.neighbours = Some(whole as u32),
+            Tunable::Radius => volume.radius = Some(value),
+            Tunable::Photons => settings.photons.volume = Some(whole as u64),
         }
         match self {
             Tunable::Neighbours | Tunable::Photons => format!("{whole}"),
@@ -274,8 +275,8 @@ fn march(volume: &Volume) -> March {
     volume.march.clone().unwrap_or(March::DEFAULT)
 }
 
-fn plan(scene: &Scene) -> Result<Plan> {
-    Plan::new(scene, &Camera::new(&scene.camera, &scene.film), &Limits::default())
+fn plan(scene: &Scene, settings: &Settings) -> Result<Plan> {
+    Plan::new(scene, settings, &Camera::new(&scene.camera, &settings.film), &Limits::default())
 }
 
 /// The radius of a plan with fixed ones.
@@ -301,9 +302,9 @@ pub fn limit(variant: &Variant, context: &Context<'_>) -> Result<Vec<Pair>> {
     if !variant.marches() {
         return Ok(Vec::new());
     }
-    let mut scene = scene::build(&context.describe(&variant.asked.name, &variant.set)?)?;
-    let own = scene.volume.march.as_mut().and_then(|march| march.size.take());
-    let size = (0.5 * shortest_step(&plan(&scene)?)).min(own.unwrap_or(f64::INFINITY));
+    let (scene, mut settings) = scene::build(&context.describe(&variant.asked.name, &variant.set)?)?;
+    let own = settings.volume.march.as_mut().and_then(|march| march.size.take());
+    let size = (0.5 * shortest_step(&plan(&scene, &settings)?)).min(own.unwrap_or(f64::INFINITY));
     let set = [("volume.march.step", "exponential".to_string()), ("volume.march.size", significant(size))];
     Ok(set.map(|(key, value)| (key.to_string(), value)).to_vec())
 }

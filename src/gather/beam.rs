@@ -665,9 +665,9 @@ impl<L: Lanes> Leaning<L> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gather::Lobe;
     use crate::math::random::{Purpose, Stream};
     use crate::math::sampling;
+    use crate::medium::phase::{Draine, HenyeyGreenstein, Isotropic, Mixture, Phase, Rayleigh, Schlick};
     use crate::photon::simd::Isa;
     use crate::photon::{MapSettings, Photon, Plane, Radius};
     use smallvec::SmallVec;
@@ -713,30 +713,6 @@ mod tests {
             .collect()
     }
 
-    fn phase(lobes: &[(f64, Lobe)], d: DVec3, omega: DVec3) -> f64 {
-        let to_eye = -omega;
-        let one_minus = 0.5 * (d.normalize() - to_eye).length_squared();
-        let one_plus = 0.5 * (d.normalize() + to_eye).length_squared();
-        let henyey_greenstein = |g: f64| {
-            let x = if g < 0.0 { one_plus } else { one_minus };
-            (1.0 - g * g) / (4.0 * PI * ((1.0 - g.abs()).powi(2) + 2.0 * g.abs() * x).powf(1.5))
-        };
-        let value = |lobe: &Lobe| match *lobe {
-            Lobe::Isotropic => 0.25 / PI,
-            Lobe::HenyeyGreenstein(g) => henyey_greenstein(g),
-            Lobe::Draine(g, alpha) => {
-                let cos = 1.0 - one_minus;
-                henyey_greenstein(g) * (1.0 + alpha * cos * cos) / (1.0 + alpha * (1.0 + 2.0 * g * g) / 3.0)
-            }
-            Lobe::Schlick(k) => {
-                let x = if k < 0.0 { one_plus } else { one_minus };
-                (1.0 - k * k) / (4.0 * PI * (1.0 - k.abs() + k.abs() * x).powi(2))
-            }
-            Lobe::Rayleigh => 3.0 / (16.0 * PI) * (1.0 + (1.0 - one_minus).powi(2)),
-        };
-        lobes.iter().map(|(weight, lobe)| weight * value(lobe)).sum()
-    }
-
     /// Radii by a search through all photons.
     fn radii(photons: &[Photon], radius: Radius) -> Vec<f64> {
         let (n, m, cap) = match radius {
@@ -758,7 +734,7 @@ mod tests {
         photons: &[Photon],
         (radii, profile): (&[f64], Profile),
         query: &BeamQuery,
-        lobes: &[(f64, Lobe)],
+        phase: &Phase,
         depth: impl Fn(f64) -> f64,
         planes: impl Fn(Vec3, f32, f32, &mut Planes),
     ) -> ([f64; 3], [f64; 3]) {
@@ -772,7 +748,7 @@ mod tests {
                 continue;
             }
             let mut value = profile.disc(foot.distance(x) / r) / (r * r);
-            value *= phase(lobes, photon.direction.as_dvec3(), query.direction);
+            value *= phase.value(photon.direction.as_dvec3().normalize(), -query.direction);
             walls.clear();
             planes(photon.position, r as f32, r as f32, &mut walls);
             walls.sort_by(|a, b| a.distance.total_cmp(&b.distance));
@@ -811,22 +787,21 @@ mod tests {
 
     #[test]
     fn queries_equal_the_sum_over_all_photons() {
-        let lobes: Vec<Vec<(f64, Lobe)>> = vec![
-            vec![(1.0, Lobe::Isotropic)],
-            vec![(1.0, Lobe::HenyeyGreenstein(0.75))],
-            vec![(1.0, Lobe::HenyeyGreenstein(-0.5))],
-            vec![(1.0, Lobe::HenyeyGreenstein(0.9999))],
-            vec![(1.0, Lobe::HenyeyGreenstein(-0.99))],
-            vec![(1.0, Lobe::Schlick(-0.7))],
-            vec![(1.0, Lobe::Schlick(0.999))],
-            vec![(1.0, Lobe::Rayleigh)],
-            vec![
-                (0.3, Lobe::Isotropic),
-                (0.2, Lobe::Rayleigh),
-                (0.4, Lobe::HenyeyGreenstein(0.3)),
-                (0.1, Lobe::Schlick(-0.2)),
-            ],
-            vec![(0.49, Lobe::HenyeyGreenstein(0.998)), (0.51, Lobe::Draine(0.63, 32.0))],
+        let sum = |lobes: [(f64, Phase); 2]| Phase::from(Mixture::new(lobes.into()));
+        let phases: Vec<Phase> = vec![
+            Isotropic.into(),
+            HenyeyGreenstein { g: 0.75 }.into(),
+            HenyeyGreenstein { g: -0.5 }.into(),
+            HenyeyGreenstein { g: 0.9999 }.into(),
+            HenyeyGreenstein { g: -0.99 }.into(),
+            Schlick { k: -0.7 }.into(),
+            Schlick { k: 0.999 }.into(),
+            Rayleigh.into(),
+            sum([
+                (0.5, sum([(0.6, Isotropic.into()), (0.4, Rayleigh.into())])),
+                (0.5, sum([(0.8, HenyeyGreenstein { g: 0.3 }.into()), (0.2, Schlick { k: -0.2 }.into())])),
+            ]),
+            sum([(0.49, HenyeyGreenstein { g: 0.998 }.into()), (0.51, Draine { g: 0.63, alpha: 32.0 }.into())]),
         ];
         let variable = Radius::Variable { neighbours: 40, pilot: 7, max_radius: 0.6 };
         let counts = [1, 15, 16, 17, 1000, 1000, 300, 300];
@@ -850,7 +825,7 @@ mod tests {
             let mut map = PhotonMap::build(photons.clone(), &settings, &planes);
             let radii = radii(&photons, radius);
             for number in 0..90 {
-                let lobes = &lobes[number % lobes.len()];
+                let phase = &phases[number % phases.len()];
                 let towards = photons[number % count].position.as_dvec3();
                 let direction = match number % 5 {
                     0 => DVec3::Z,
@@ -867,7 +842,7 @@ mod tests {
                     origin,
                     direction,
                     length: [f32::INFINITY, 0.8, 1000.4, 2.0][number / 2 % 4],
-                    phase: &PhaseLanes::mixture(lobes),
+                    phase: &PhaseLanes::new(phase.clone()),
                     extinction: if back > 5.0 {
                         Vec3::splat(1e-3)
                     } else {
@@ -878,14 +853,14 @@ mod tests {
                     pruning: None,
                 };
                 let depth = |t| if tabulated { smooth(t).0 } else { t };
-                let (total, single) = reference(&photons, (&radii, profile), &query, lobes, depth, planes);
+                let (total, single) = reference(&photons, (&radii, profile), &query, phase, depth, planes);
                 found += usize::from(total[0] > 0.0);
                 for isa in Isa::available() {
                     map.isa = isa;
                     for boxes in [false, true] {
                         map.boxes = boxes;
                         let got = map.gather(&query, &mut GatherStats::default());
-                        let what = (isa, boxes, count, number, lobes);
+                        let what = (isa, boxes, count, number, phase);
                         check(got.total, total, &what);
                         check(got.single, single, &what);
                     }
@@ -901,7 +876,7 @@ mod tests {
         let photons = photons(20_000, &mut stream);
         let radius = Radius::Variable { neighbours: 100, pilot: 10, max_radius: 0.3 };
         let mut map = PhotonMap::build(photons, &MapSettings::new(radius), &room);
-        let phase = PhaseLanes::new(Lobe::HenyeyGreenstein(0.6));
+        let phase = PhaseLanes::new(HenyeyGreenstein { g: 0.6 });
         for _ in 0..50 {
             let query = BeamQuery {
                 origin: 0.5 * direction(&mut stream),
@@ -954,7 +929,7 @@ mod tests {
                 Photon { position: position.as_vec3(), direction: Vec3::X, power, events: 0 }
             })
             .collect();
-        let phase = PhaseLanes::new(Lobe::Isotropic);
+        let phase = PhaseLanes::new(Isotropic);
         for radius in [0.7, 3.0] {
             let mut map = PhotonMap::build(photons.clone(), &MapSettings::new(Radius::Fixed(radius)), &boundary);
             assert!(map.leans());
@@ -996,7 +971,7 @@ mod tests {
     #[test]
     fn photons_at_one_place_give_a_finite_sum() {
         let one = Photon { position: Vec3::new(0.3, -4.0, 2.0), direction: Vec3::X, power: Vec3::ONE, events: 0 };
-        let phase = PhaseLanes::new(Lobe::Isotropic);
+        let phase = PhaseLanes::new(Isotropic);
         for radius in [Radius::Fixed(0.5), Radius::Variable { neighbours: 500, pilot: 23, max_radius: 0.5 }] {
             let map = PhotonMap::build(vec![one; 40_000], &MapSettings::new(radius), &no_walls);
             let r = f64::from(map.radii().mean);
@@ -1042,7 +1017,7 @@ mod tests {
     fn an_even_density_gives_the_closed_form() {
         const COUNT: usize = 500_000;
         const SIGMA: f64 = 0.5;
-        let phase = PhaseLanes::new(Lobe::Isotropic);
+        let phase = PhaseLanes::new(Isotropic);
         let cap = 0.12;
         let variable = Radius::Variable { neighbours: 200, pilot: 14, max_radius: cap };
         for (case, radius) in [Radius::Fixed(cap), variable].into_iter().enumerate() {

@@ -1428,11 +1428,12 @@ fn evaluate_carefully<L: Lanes, P: Evaluate>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gather::{Lobe, StreamScratch};
+    use crate::gather::StreamScratch;
     use crate::math::random::{Purpose, Stream};
     use crate::math::sampling;
     use crate::medium::density::bricks::{BrickGrid, NegativePolicy};
     use crate::medium::density::{Density, Grid};
+    use crate::medium::phase::{Draine, HenyeyGreenstein, Isotropic, Mixture, Rayleigh, Schlick};
     use crate::photon::{MapSettings, Photon, Plane, Radius};
     use glam::DAffine3;
     use std::sync::Arc;
@@ -1492,13 +1493,19 @@ mod tests {
     #[test]
     fn bundles_gather_what_their_rays_gather() {
         let lobes = [
-            PhaseLanes::new(Lobe::Isotropic),
-            PhaseLanes::new(Lobe::HenyeyGreenstein(0.75)),
-            PhaseLanes::new(Lobe::HenyeyGreenstein(-0.93)),
-            PhaseLanes::new(Lobe::Schlick(0.6)),
-            PhaseLanes::new(Lobe::Rayleigh),
-            PhaseLanes::mixture(&[(0.7, Lobe::HenyeyGreenstein(0.8)), (0.3, Lobe::Schlick(-0.4))]),
-            PhaseLanes::mixture(&[(0.55, Lobe::HenyeyGreenstein(0.97)), (0.45, Lobe::Draine(-0.5, 17.0))]),
+            PhaseLanes::new(Isotropic),
+            PhaseLanes::new(HenyeyGreenstein { g: 0.75 }),
+            PhaseLanes::new(HenyeyGreenstein { g: -0.93 }),
+            PhaseLanes::new(Schlick { k: 0.6 }),
+            PhaseLanes::new(Rayleigh),
+            PhaseLanes::new(Mixture::new(vec![
+                (0.7, HenyeyGreenstein { g: 0.8 }.into()),
+                (0.3, Schlick { k: -0.4 }.into()),
+            ])),
+            PhaseLanes::new(Mixture::new(vec![
+                (0.55, HenyeyGreenstein { g: 0.97 }.into()),
+                (0.45, Draine { g: -0.5, alpha: 17.0 }.into()),
+            ])),
         ];
         let far = DVec3::new(3.0, 1.0, -4.0);
         let views = [
@@ -1571,7 +1578,7 @@ mod tests {
         }
         let settings = MapSettings::new(Radius::Variable { neighbours: 60, pilot: 8, max_radius: 0.3 });
         let map = PhotonMap::build(photons, &settings, &|_: Vec3, _: f32, _: f32, _: &mut _| ());
-        let phase = PhaseLanes::new(Lobe::HenyeyGreenstein(0.3));
+        let phase = PhaseLanes::new(HenyeyGreenstein { g: 0.3 });
         let density = Density::Uniform;
         for extinction in [Vec3::splat(10.0), Vec3::new(12.0, 9.0, 10.0)] {
             // Each ray by itself, its number going through all.
@@ -1643,7 +1650,7 @@ mod tests {
         let density = voxels();
         let settings = MapSettings::new(Radius::Variable { neighbours: 60, pilot: 8, max_radius: 0.3 });
         let map = PhotonMap::build(photons(20_000), &settings, &|_: Vec3, _: f32, _: f32, _: &mut _| ());
-        let phase = PhaseLanes::new(Lobe::HenyeyGreenstein(0.6));
+        let phase = PhaseLanes::new(HenyeyGreenstein { g: 0.6 });
         let (mut scratch, mut gathered) = (BundleScratch::default(), Vec::new());
         let views = [
             ("narrow", rays(DVec3::new(3.0, 1.0, -4.0), 0.0, 0.003, (2.5, 8.0))),

@@ -85,8 +85,7 @@ impl Lattice {
     /// Rays are no more than half a voxel apart wherever they meet the grid. Depths may grow by `most` between two
     /// samples, and be off by `tolerance` between rays. `None` if that is not worthwhile.
     fn new(fan: &Fan, density: &Density, step: f64, (most, tolerance): (f64, f64)) -> Option<Self> {
-        let Density::Grid(grid) = density else { return None };
-        let support = grid.support();
+        let support = density.support();
         if support.is_empty() || !support.size().is_finite() {
             return None;
         }
@@ -99,7 +98,7 @@ impl Lattice {
         }
         let reach = |slope: f64| outermost.min(deepest * (1.0 + 2.0 * slope * slope).sqrt());
         let nearest = (fan.origin.clamp(support.min, support.max) - fan.origin).length();
-        let spacing = 0.5 * grid.voxel_size() / reach(fan.slope);
+        let spacing = 0.5 * density.feature_length() / reach(fan.slope);
         let edge = ((2.0 * fan.slope / spacing).ceil() + 1.0).max(3.0);
         let (first, last) = ((nearest / step).floor(), (reach(0.5 * spacing * (edge - 1.0)) / step).ceil() + 1.0);
         let meets = deepest > 0.0 && first < last;

@@ -8,7 +8,6 @@ use super::DepthTable;
 use super::volume::tabulate;
 use crate::math::{Ray, Rgb, Stream, shares};
 use crate::medium::Medium;
-use crate::medium::density::Density;
 use smallvec::SmallVec;
 
 /// How long steps are.
@@ -78,12 +77,11 @@ impl March {
         stream: &mut Stream,
         source: &mut impl FnMut(f64, &mut Stream) -> [Rgb; N],
     ) -> [Rgb; N] {
-        let depth = match medium.density {
-            Density::Uniform => None,
-            _ => {
-                tabulate(medium, ray, from, b, &mut self.table);
-                Some(&self.table)
-            }
+        let depth = if medium.density.is_even() {
+            None
+        } else {
+            tabulate(medium, ray, from, b, &mut self.table);
+            Some(&self.table)
         };
         let stretch = Stretch { ray, from, a, b, medium, depth, weight };
         marcher.march(&stretch, stream, &mut self.steps, source)
@@ -481,7 +479,7 @@ mod tests {
                     }
                     table.finish();
                 }
-                let depth = (!matches!(medium.density, Density::Uniform)).then_some(&table);
+                let depth = (!medium.density.is_even()).then_some(&table);
                 for weight in [Rgb::ONE, Rgb::new(0.0, 1.0, 5.0)] {
                     let stretch = Stretch { ray: &ray, from: 0.0, a, b, medium: &medium, depth, weight };
                     for stepping in STEPPINGS {

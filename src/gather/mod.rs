@@ -17,7 +17,7 @@ pub use beam::{BeamQuery, GatherStats, Gathered};
 pub use bundle::{Bundle, BundleScratch};
 pub use depth::DepthTable;
 pub use lattice::{Fan, Lattices};
-pub use phase::{Lobe, PhaseLanes};
+pub use phase::PhaseLanes;
 pub use point::{Marching, PointMaps, PointQuery};
 pub use sampled::{SampledDepths, Samples};
 pub use stream::StreamScratch;

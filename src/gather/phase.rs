@@ -1,23 +1,9 @@
 //! Phase functions as the beam query evaluates them: for sixteen photons at a time.
 
 use crate::math::DVec3;
+use crate::medium::phase::{self, Phase, Term};
 use crate::photon::simd::Lanes;
 use std::f64::consts::PI;
-
-/// One lobe of a phase function; cosines are those of the angle of deflection, forward positive.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Lobe {
-    /// 1/4π.
-    Isotropic,
-    /// Henyey and Greenstein's (1 − g²)/(4π (1 + g² − 2g cos θ)^{3/2}), |g| < 1.
-    HenyeyGreenstein(f64),
-    /// Schlick's (1 − k²)/(4π (1 − k cos θ)²), |k| < 1.
-    Schlick(f64),
-    /// 3/16π (1 + cos² θ).
-    Rayleigh,
-    /// Draine's: Henyey–Greenstein of g, |g| < 1, times (1 + α cos² θ)/(1 + α (1 + 2g²)/3); g and α ≥ 0.
-    Draine(f64, f64),
-}
 
 /// A phase function made ready for beam queries.
 ///
@@ -26,10 +12,14 @@ pub enum Lobe {
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhaseLanes(pub(super) Kind);
 
+/// The ways in which a phase function is evaluated: two quick ones, and one for all.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Kind {
+    /// 1/4π.
     Isotropic,
+    /// Henyey and Greenstein's of this g, from the cosine: for lobes that are not sharp.
     HenyeyGreenstein(f64),
+    /// A sum of terms, each from the distance to its peak.
     Sum(Vec<Term>),
 }
 
@@ -37,50 +27,49 @@ pub(super) enum Kind {
 /// directions rounded to `f32`, is wrong by 10⁻⁷, which is 10⁻⁵ of (1 − g)² here.
 const SHARP: f64 = 0.8;
 
-/// The narrowest lobe.
-const NARROWEST: f64 = 1.0 - 1e-12;
-
 impl PhaseLanes {
-    /// A single lobe.
-    pub fn new(lobe: Lobe) -> Self {
-        PhaseLanes(match lobe {
-            Lobe::Isotropic => Kind::Isotropic,
-            Lobe::HenyeyGreenstein(g) if g.abs() <= SHARP => Kind::HenyeyGreenstein(g),
-            other => Kind::Sum(vec![Term::new(1.0, other)]),
+    /// From the phase function of a medium.
+    pub fn new(phase: impl Into<Phase>) -> Self {
+        let phase: Phase = phase.into();
+        PhaseLanes(match phase.henyey_greenstein() {
+            Some(g) if g.abs() <= SHARP => Kind::HenyeyGreenstein(g),
+            _ if phase.is_even() => Kind::Isotropic,
+            _ => Kind::Sum(phase.sum()),
         })
     }
 
     /// How fast ⅔ of its logarithm changes with the angle, at most.
     pub(super) fn steepness(&self) -> f64 {
-        let henyey_greenstein = |g: f64| 2.0 * g.abs() / (1.0 - g * g);
-        let schlick = |k: f64| 4.0 / 3.0 * k.abs() / (1.0 - k * k).sqrt();
         match &self.0 {
             Kind::Isotropic => 0.0,
-            Kind::HenyeyGreenstein(g) => henyey_greenstein(*g),
+            Kind::HenyeyGreenstein(g) => phase::HenyeyGreenstein { g: *g }.steepness(),
             // No steeper than its steepest term.
-            Kind::Sum(terms) => terms
-                .iter()
-                .map(|term| match term.shape {
-                    Shape::Isotropic => 0.0,
-                    Shape::HenyeyGreenstein => henyey_greenstein(f64::from(term.slope)),
-                    Shape::Schlick => schlick(2.0 * f64::from(term.slope)),
-                    Shape::Rayleigh => 0.5,
-                    // Of 1 + α cos² θ the logarithm changes by at most α/√(1 + α).
-                    Shape::Draine => {
-                        let alpha = f64::from(term.alpha);
-                        henyey_greenstein(f64::from(term.slope)) + 2.0 / 3.0 * alpha / (1.0 + alpha).sqrt()
-                    }
-                })
-                .fold(0.0, f64::max),
+            Kind::Sum(terms) => terms.iter().map(|term| term.steepness).fold(0.0, f64::max),
         }
     }
+}
 
-    /// A weighted sum of lobes; weights should add up to 1.
-    pub fn mixture(lobes: &[(f64, Lobe)]) -> Self {
-        match lobes {
-            [(weight, lobe)] if *weight == 1.0 => Self::new(*lobe),
-            _ => PhaseLanes(Kind::Sum(lobes.iter().map(|&(weight, lobe)| Term::new(weight, lobe)).collect())),
-        }
+/// Terms are evaluated for the photons of a block.
+impl<L: Lanes> phase::Arithmetic for L {
+    #[inline(always)]
+    fn splat(x: f32) -> Self {
+        Lanes::splat(x)
+    }
+    #[inline(always)]
+    fn sub(self, b: Self) -> Self {
+        Lanes::sub(self, b)
+    }
+    #[inline(always)]
+    fn mul(self, b: Self) -> Self {
+        Lanes::mul(self, b)
+    }
+    #[inline(always)]
+    fn mul_add(self, b: Self, c: Self) -> Self {
+        Lanes::mul_add(self, b, c)
+    }
+    #[inline(always)]
+    fn rsqrt(self) -> Self {
+        Lanes::rsqrt(self)
     }
 }
 
@@ -97,12 +86,13 @@ pub(super) trait Evaluate: Copy {
     fn near_axis<L: Lanes>(&self, d: &[L; 3]) -> (L, L);
 }
 
-/// `constant + d·v`
+/// The sum of a constant and of the product d·v, as fused operations.
 #[inline(always)]
 fn plus_dot<L: Lanes>(constant: f32, d: &[L; 3], v: &[f32; 3]) -> L {
     d[0].mul_add(L::splat(v[0]), d[1].mul_add(L::splat(v[1]), d[2].mul_add(L::splat(v[2]), L::splat(constant))))
 }
 
+/// 1/4π: the values are 1, the constant all of it.
 #[derive(Clone, Copy)]
 pub(super) struct Isotropic;
 
@@ -121,7 +111,8 @@ impl Evaluate for Isotropic {
     }
 }
 
-/// Light that travels along d and is scattered against the ray's direction ω: cos θ = −d·ω.
+/// Henyey and Greenstein's function for light that travels along d and is scattered against the ray's direction ω:
+/// (1 + g² + 2g d·ω)^{−3/2}, since cos θ = −d·ω.
 #[derive(Clone, Copy)]
 pub(super) struct HenyeyGreenstein {
     g: f64,
@@ -152,58 +143,7 @@ impl Evaluate for HenyeyGreenstein {
     }
 }
 
-/// A lobe of a sum, as a function of |d ± ω|² = 2 (1 ∓ cos θ), which does not cancel at the peak.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Term {
-    shape: Shape,
-    /// Whether the peak is backward.
-    backward: bool,
-    base: f32,
-    slope: f32,
-    /// Draine's α; else 0.
-    alpha: f32,
-    weight: f32,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Shape {
-    Isotropic,
-    HenyeyGreenstein,
-    Schlick,
-    Rayleigh,
-    Draine,
-}
-
-impl Term {
-    fn new(weight: f64, lobe: Lobe) -> Self {
-        let (shape, g, base, slope, constant) = match lobe {
-            Lobe::Isotropic => (Shape::Isotropic, 0.0, 0.0, 0.0, 0.25 / PI),
-            Lobe::HenyeyGreenstein(g) | Lobe::Draine(g, _) => {
-                let a = g.abs().min(NARROWEST);
-                (Shape::HenyeyGreenstein, g, (1.0 - a).powi(2), a, 0.25 / PI * (1.0 - a) * (1.0 + a))
-            }
-            Lobe::Schlick(k) => {
-                let a = k.abs().min(NARROWEST);
-                (Shape::Schlick, k, 1.0 - a, 0.5 * a, 0.25 / PI * (1.0 - a) * (1.0 + a))
-            }
-            Lobe::Rayleigh => (Shape::Rayleigh, 0.0, 1.0, -0.5, 3.0 / 16.0 / PI),
-        };
-        let (shape, alpha, constant) = match lobe {
-            Lobe::Draine(g, alpha) => (Shape::Draine, alpha, constant / (1.0 + alpha * (1.0 + 2.0 * g * g) / 3.0)),
-            _ => (shape, 0.0, constant),
-        };
-        Term {
-            shape,
-            backward: g < 0.0,
-            base: base as f32,
-            slope: slope as f32,
-            alpha: alpha as f32,
-            weight: (weight * constant) as f32,
-        }
-    }
-}
-
-/// A sum of lobes. ω is kept in two parts, so that d ± ω is right to its own last place.
+/// A sum of terms, each a function of |d ± ω|². ω is kept in two parts, so that d ± ω is right to its own last place.
 #[derive(Clone, Copy)]
 pub(super) struct Sum<'a> {
     terms: &'a [Term],
@@ -260,44 +200,10 @@ impl Evaluate for Sum<'_> {
     }
 }
 
-impl Term {
-    /// The lobe as a function of |d ± ω|², without its weight, and its derivative.
-    #[inline(always)]
-    fn value<L: Lanes>(&self, e2: L) -> (L, L) {
-        let x = e2.mul_add(L::splat(self.slope), L::splat(self.base));
-        let slope = |times: f32| L::splat(times * self.slope);
-        match self.shape {
-            Shape::Isotropic => (L::splat(1.0), L::splat(0.0)),
-            Shape::HenyeyGreenstein => {
-                let y = x.rsqrt();
-                let y2 = y.mul(y);
-                let value = y2.mul(y);
-                (value, value.mul(y2).mul(slope(-1.5)))
-            }
-            Shape::Schlick => {
-                let y = x.rsqrt();
-                let y2 = y.mul(y);
-                let value = y2.mul(y2);
-                (value, value.mul(y2).mul(slope(-2.0)))
-            }
-            Shape::Rayleigh => (x.mul_add(x, L::splat(1.0)), x.mul(slope(2.0))),
-            Shape::Draine => {
-                let y = x.rsqrt();
-                let y2 = y.mul(y);
-                let lobe = y2.mul(y);
-                // cos θ = 1 − |d ± ω|²/2 but for its sign.
-                let cos = e2.mul_add(L::splat(-0.5), L::splat(1.0));
-                let bent = cos.mul(L::splat(self.alpha));
-                let value = lobe.mul(cos.mul_add(bent, L::splat(1.0)));
-                (value, value.mul(y2).mul(slope(-1.5)).sub(lobe.mul(bent)))
-            }
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::medium::phase::{Draine, Mixture};
     use crate::photon::simd::{Isa, LANES, Row, Task};
 
     struct Values<'a> {
@@ -330,36 +236,21 @@ mod tests {
                 directions[axis].0[lane] = d[axis];
             }
         }
-        let lobes = |g: f64, alpha: f64, weight: f64| {
-            [(1.0 - weight, Lobe::HenyeyGreenstein(g)), (weight, Lobe::Draine(0.6 * g, alpha))]
+        let sum = |g: f64, alpha: f64, weight: f64| {
+            let draine = Draine { g: 0.6 * g, alpha };
+            Phase::from(Mixture::new(vec![
+                (1.0 - weight, phase::HenyeyGreenstein { g }.into()),
+                (weight, draine.into()),
+            ]))
         };
-        for lobes in
-            [lobes(0.998, 32.3, 0.508), lobes(0.97, 17.0, 0.448), lobes(-0.9, 250.0, 0.3), lobes(0.0, 250.0, 1.0)]
-        {
-            let PhaseLanes(Kind::Sum(terms)) = PhaseLanes::mixture(&lobes) else { panic!("one lobe") };
+        for phase in [sum(0.998, 32.3, 0.508), sum(0.97, 17.0, 0.448), sum(-0.9, 250.0, 0.3), sum(0.0, 250.0, 1.0)] {
+            let terms = phase.sum();
             for isa in Isa::available() {
                 let found = isa.run(Values { sum: Sum::new(&terms, omega), directions: &directions });
                 for lane in 0..LANES {
                     let d = DVec3::from_array(std::array::from_fn(|axis| directions[axis].0[lane] as f64)).normalize();
-                    let cos = -d.dot(omega);
-                    let henyey_greenstein = |g: f64| {
-                        let peak = if g < 0.0 { omega } else { -omega };
-                        let from_peak = (d - peak).length_squared();
-                        (1.0 - g * g) / (4.0 * PI * ((1.0 - g.abs()).powi(2) + g.abs() * from_peak).powf(1.5))
-                    };
-                    let expected: f64 = lobes
-                        .iter()
-                        .map(|&(weight, lobe)| match lobe {
-                            Lobe::Draine(g, alpha) => {
-                                let quadratic = (1.0 + alpha * cos * cos) / (1.0 + alpha * (1.0 + 2.0 * g * g) / 3.0);
-                                weight * henyey_greenstein(g) * quadratic
-                            }
-                            Lobe::HenyeyGreenstein(g) => weight * henyey_greenstein(g),
-                            other => panic!("{other:?}"),
-                        })
-                        .sum();
-                    let error = found.0[lane] as f64 / expected - 1.0;
-                    assert!(error.abs() < 2e-5, "{isa:?}, {lobes:?}, cosine {cos}: off by {error:e}");
+                    let error = found.0[lane] as f64 / phase.value(d, -omega) - 1.0;
+                    assert!(error.abs() < 2e-5, "{isa:?}, {phase:?}, cosine {}: off by {error:e}", -d.dot(omega));
                 }
             }
         }

@@ -3,7 +3,6 @@
 
 use super::march::{March, Marcher};
 use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Sum};
-use super::volume::lanes;
 use super::{GatherStats, Gathered, Reach};
 use crate::math::{DVec3, Rgb, Stream, Vec3};
 use crate::medium::Medium;
@@ -217,7 +216,7 @@ pub struct Marching {
 impl PointMaps {
     /// From the maps of all regions, in their order, all media, and each one's marcher.
     pub fn new(maps: Vec<Option<PointMap>>, media: &[Medium], marchers: Vec<Marcher>) -> Self {
-        PointMaps { maps, phases: media.iter().map(|medium| lanes(&medium.phase)).collect(), marchers }
+        PointMaps { maps, phases: media.iter().map(|medium| PhaseLanes::new(medium.phase.clone())).collect(), marchers }
     }
 
     /// From now on, rays are marched so, by medium.
@@ -264,13 +263,12 @@ impl PointMaps {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gather::Lobe;
     use crate::gather::march::Stepping;
     use crate::math::random::Purpose;
     use crate::math::{Ray, sampling};
     use crate::medium::Emission;
     use crate::medium::density::Density;
-    use crate::medium::phase::{Isotropic as IsotropicPhase, Phase};
+    use crate::medium::phase::{HenyeyGreenstein, Isotropic, Phase};
     use crate::photon::simd::Isa;
     use crate::photon::{Ball, Photon, PointSettings};
 
@@ -356,7 +354,7 @@ mod tests {
     fn look_ups_equal_a_search_through_all() {
         let mut stream = Stream::new(1, Purpose::Test, 0, 0);
         let g = 0.6;
-        let phase = PhaseLanes::new(Lobe::HenyeyGreenstein(g));
+        let phase = PhaseLanes::new(HenyeyGreenstein { g });
         let nearest = |neighbours, max_radius| Ball::Nearest { neighbours, max_radius };
         let mut case = 0;
         for (count, ball) in [
@@ -415,7 +413,7 @@ mod tests {
     #[test]
     fn photons_at_one_place_and_none() {
         let one = Photon { position: Vec3::new(0.3, -4.0, 2.0), direction: Vec3::X, power: Vec3::ONE, events: 0 };
-        let phase = PhaseLanes::new(Lobe::Isotropic);
+        let phase = PhaseLanes::new(Isotropic);
         let query =
             PointQuery { position: one.position.as_dvec3(), direction: DVec3::Z, phase: &phase, max_events: 255 };
         for ball in [Ball::Fixed(0.5), Ball::Nearest { neighbours: 500, max_radius: 0.5 }] {
@@ -460,7 +458,7 @@ mod tests {
             name: String::new(),
             extinction: SIGMA.into(),
             albedo: Rgb::ONE,
-            phase: Phase::Isotropic(IsotropicPhase),
+            phase: Phase::Isotropic(Isotropic),
             density: Density::Uniform,
             emission: Emission::None,
         };

@@ -68,9 +68,9 @@ impl SampledDepths {
         }
         let start = self.values.len();
         self.values.push(0.0);
-        let total = match density {
-            Density::Grid(grid) => self.sample_grid(grid, step, ray, (a, b), first),
-            _ => {
+        let total = match density.voxels() {
+            Some(grid) => self.sample_grid(grid, step, ray, (a, b), first),
+            None => {
                 let mut next = first + 1.0;
                 while next * step < b {
                     self.values.push(density.depth(ray, a, next * step) as f32);

@@ -7,8 +7,8 @@ use rayon::prelude::*;
 use smallvec::SmallVec;
 
 use super::depth::DepthTable;
-use super::volume::{lanes, tabulate};
-use super::{BeamQuery, Fan, GatherStats, Queue, Reach, VolumeMaps};
+use super::volume::tabulate;
+use super::{BeamQuery, Fan, GatherStats, PhaseLanes, Queue, Reach, VolumeMaps};
 use crate::math::random::Purpose;
 use crate::math::{DVec3, Frame, Ray, Rgb, Stream, Vec3, sampling};
 use crate::medium::density::bricks::{BrickGrid, Interpolation, NegativePolicy};
@@ -189,7 +189,7 @@ fn view(dice: &mut Dice, world: &World) -> (Vec<Reach>, Option<Fan>) {
 
 /// What one ray gathers by itself from `a` to `b`, all depths known.
 fn alone(world: &World, map: &PhotonMap, reach: &Reach, (a, b): (f64, f64)) -> [f64; 3] {
-    let (phase, mut table) = (lanes(&world.medium.phase), DepthTable::new());
+    let (phase, mut table) = (PhaseLanes::new(world.medium.phase.clone()), DepthTable::new());
     let ray = &reach.ray;
     let end = map.bounds().clip(ray, a, b).map_or(a, |(_, end)| end);
     tabulate(&world.medium, ray, a, end, &mut table);

@@ -5,12 +5,10 @@ use std::ops::ControlFlow;
 use super::beam::Pruning;
 use super::point::Marching;
 use super::{
-    BeamQuery, Bundle, BundleScratch, DepthTable, Fan, GatherStats, Gathered, Lattices, Lobe, PhaseLanes,
-    SampledDepths, Samples, StreamScratch,
+    BeamQuery, Bundle, BundleScratch, DepthTable, Fan, GatherStats, Gathered, Lattices, PhaseLanes, SampledDepths,
+    Samples, StreamScratch,
 };
 use crate::math::{DVec3, Ray, Rgb, Vec3, one_minus_exp_over};
-use crate::medium::density::Density;
-use crate::medium::phase::Phase;
 use crate::medium::{Emission, Medium};
 use crate::photon::PhotonMap;
 
@@ -20,7 +18,7 @@ pub struct VolumeMaps {
     maps: Vec<Option<PhotonMap>>,
     phases: Vec<PhaseLanes>,
     extinctions: Vec<Vec3>,
-    /// Between samples of a ray's depth, at most, by medium.
+    /// By medium, the distance between two samples of a ray's depth, at most: half of the density's feature length.
     steps: Vec<f64>,
 }
 
@@ -106,26 +104,14 @@ const MOST_PASSED: f64 = 0.15;
 /// better than to a part of what one of them adds.
 const SAMPLES: f64 = 64.0;
 
-/// The distance between two samples, at most: half of a voxel, a sixteenth of a scale height.
-fn step(density: &Density) -> f64 {
-    match density {
-        Density::Uniform => f64::INFINITY,
-        Density::Grid(grid) => 0.5 * grid.voxel_size(),
-        Density::Exponential(air) => air.scale_height / 16.0,
-    }
-}
-
-/// Knots on a ray through an exponential density.
-const EXPONENTIAL_KNOTS: usize = 256;
-
 impl VolumeMaps {
     /// From the maps of all regions, in their order, and all media.
     pub fn new(maps: Vec<Option<PhotonMap>>, media: &[Medium]) -> Self {
         VolumeMaps {
             maps,
-            phases: media.iter().map(|medium| lanes(&medium.phase)).collect(),
+            phases: media.iter().map(|medium| PhaseLanes::new(medium.phase.clone())).collect(),
             extinctions: media.iter().map(|medium| medium.extinction.as_vec3()).collect(),
-            steps: media.iter().map(|medium| step(&medium.density)).collect(),
+            steps: media.iter().map(|medium| 0.5 * medium.density.feature_length()).collect(),
         }
     }
 
@@ -151,7 +137,7 @@ impl VolumeMaps {
         };
         // Bundles have no discs that lean on walls.
         let together = reach.from_camera && !map.leans();
-        if let Density::Uniform = medium.density {
+        if medium.density.is_even() {
             let waiting = if together { &mut queue.bundles } else { &mut queue.streams };
             waiting.push(Waiting { reach, samples: None, owner });
             return medium.transmittance(medium.density.depth(&ray, a, b));
@@ -279,7 +265,7 @@ pub fn emitted(
             medium.emitted(DVec3::ZERO) * mean
         }
         Emission::BlackBody { temperature, .. } => {
-            let Density::Grid(density) = &medium.density else { return Rgb::ZERO };
+            let Some(density) = medium.density.voxels() else { return Rgb::ZERO };
             let (mut sum, mut depth) = (Rgb::ZERO, 0.0);
             density.cells(ray, a, b, |cell| {
                 let inside = cell.integral();
@@ -306,54 +292,9 @@ pub(super) fn tabulate(medium: &Medium, ray: &Ray, a: f64, b: f64, table: &mut D
     table.clear();
     table.push(0.0, 0.0, medium.density.at(ray.at(a)));
     let largest = medium.extinction.max_element();
-    match &medium.density {
-        Density::Uniform => {}
-        Density::Grid(grid) => {
-            let mut depth = 0.0;
-            grid.cells(ray, a, b, |cell| {
-                if !cell.tb.is_finite() {
-                    return ControlFlow::Break(());
-                }
-                // A gap between cells, where the grid is clipped, adds nothing but needs its ends.
-                table.push(cell.ta - a, depth, cell.rho_a as f64);
-                let inside = cell.integral();
-                if inside * largest > DEPTH_STEP && !cell.is_constant() {
-                    // Simpson's rule over the first half, whose middle is a quarter in.
-                    let quarter = grid.at(ray.at(0.75 * cell.ta + 0.25 * cell.tb));
-                    let half = (cell.tb - cell.ta) * (cell.rho_a as f64 + 4.0 * quarter + cell.rho_mid as f64) / 12.0;
-                    table.push(0.5 * (cell.ta + cell.tb) - a, depth + half.clamp(0.0, inside), cell.rho_mid as f64);
-                }
-                depth += inside;
-                table.push(cell.tb - a, depth, cell.rho_b as f64);
-                ControlFlow::Continue(())
-            });
-        }
-        Density::Exponential(air) => {
-            for i in 1..=EXPONENTIAL_KNOTS {
-                let t = a + (b - a) * i as f64 / EXPONENTIAL_KNOTS as f64;
-                table.push(t - a, air.depth(ray, a, t), air.at(ray.at(t)));
-            }
-        }
-    }
+    let is_long = |depth: f64| depth * largest > DEPTH_STEP;
+    medium.density.knots(ray, (a, b), is_long, |t, depth, density| table.push(t - a, depth, density));
     table.finish();
-}
-
-/// A phase function as beam queries want it.
-pub(super) fn lanes(phase: &Phase) -> PhaseLanes {
-    let lobe = |phase: &Phase| match phase {
-        Phase::HenyeyGreenstein(p) => Lobe::HenyeyGreenstein(p.g),
-        Phase::Schlick(p) => Lobe::Schlick(p.k),
-        Phase::Rayleigh(_) => Lobe::Rayleigh,
-        Phase::Draine(p) => Lobe::Draine(p.g, p.alpha),
-        Phase::Isotropic(_) | Phase::Mixture(_) => Lobe::Isotropic,
-    };
-    match phase {
-        Phase::Mixture(mixture) => {
-            let lobes: Vec<_> = mixture.lobes().iter().map(|(weight, phase)| (*weight, lobe(phase))).collect();
-            PhaseLanes::mixture(&lobes)
-        }
-        _ => PhaseLanes::new(lobe(phase)),
-    }
 }
 
 impl Gathered {

@@ -1,5 +1,5 @@
 use super::{Arrival, Cone, Departure, Spread};
-use crate::geometry::{Geometry, Hit};
+use crate::geometry::Geometry;
 use crate::math::{Bounds, DVec3, Frame, Ray, Rgb, Stream, error_bound, sampling};
 use std::f64::consts::PI;
 
@@ -16,6 +16,12 @@ pub struct Area {
     pub area: f64,
     /// A box around it.
     pub bounds: Bounds,
+    /// Its power, all channels together.
+    power: f64,
+    /// The radius of a disc of this area.
+    radius: f64,
+    /// The sine of its cone's half-angle.
+    sine: f64,
 }
 
 /// How radiance varies over directions.
@@ -58,6 +64,17 @@ impl Sides {
 }
 
 impl Area {
+    /// A shape of this area and with this box around it, that shines.
+    pub fn new(shape: u32, (profile, sides): (Profile, Sides), area: f64, bounds: Bounds) -> Self {
+        let sine = match profile {
+            Profile::Diffuse(_) => 1.0,
+            Profile::Spot(_, cone) | Profile::Beam(_, cone) => (cone.outer * (2.0 - cone.outer)).sqrt(),
+        };
+        let mut light = Area { shape, profile, sides, area, bounds, power: 0.0, radius: (area / PI).sqrt(), sine };
+        light.power = light.power().element_sum();
+        light
+    }
+
     /// The radiance that leaves a point with outward normal `normal` along `direction`.
     pub fn radiance(&self, normal: DVec3, direction: DVec3) -> Rgb {
         let cos = normal.dot(direction);
@@ -85,7 +102,7 @@ impl Area {
         // Inside its own box a shape is about as far as its size.
         let distance2 = nearest.max(self.area / (4.0 * PI));
         match self.profile {
-            Profile::Diffuse(_) => self.power().element_sum() / distance2,
+            Profile::Diffuse(_) => self.power / distance2,
             Profile::Spot(_, cone) | Profile::Beam(_, cone) => {
                 // Dark for certain only where not even the disc's rim reaches.
                 let offset = p - self.bounds.center();
@@ -93,16 +110,12 @@ impl Area {
                 let reach = if cone.outer >= 1.0 {
                     f64::INFINITY
                 } else {
-                    along * (cone.outer * (2.0 - cone.outer)).sqrt() / (1.0 - cone.outer) + self.disc_radius()
+                    along * self.sine / (1.0 - cone.outer) + self.radius
                 };
                 let aside = (offset - along * cone.axis).length();
-                if along <= 0.0 || aside > reach { 0.0 } else { self.power().element_sum() / distance2.max(self.area) }
+                if along <= 0.0 || aside > reach { 0.0 } else { self.power / distance2.max(self.area) }
             }
         }
-    }
-
-    fn disc_radius(&self) -> f64 {
-        (self.area / PI).sqrt()
     }
 
     /// How far from `p`, against a direction of travel, the disc of a beam is met.
@@ -110,7 +123,7 @@ impl Area {
         let offset = p - self.bounds.center();
         let distance = offset.dot(axis) / travel.dot(axis);
         let aside = (offset - distance * travel).length();
-        (distance > 0.0 && aside <= self.disc_radius()).then_some(distance)
+        (distance > 0.0 && aside <= self.radius).then_some(distance)
     }
 
     pub(super) fn arrive(&self, geometry: &Geometry, p: DVec3, stream: &mut Stream) -> Option<Arrival> {
@@ -133,12 +146,12 @@ impl Area {
         })
     }
 
-    /// The density per steradian at `from` with which [`super::Light::arrive`] draws `direction`, along
-    /// which the shape is met at `hit`.
-    pub fn density(&self, geometry: &Geometry, from: DVec3, hit: &Hit, direction: DVec3) -> f64 {
+    /// The density per steradian at `from` with which [`super::Light::arrive`] draws `direction`, in which the shape is
+    /// so far away and has this unit normal.
+    pub fn density(&self, geometry: &Geometry, from: DVec3, direction: DVec3, distance: f64, normal: DVec3) -> f64 {
         match self.profile {
             Profile::Beam(_, cone) => 1.0 / cone.outer_solid_angle(),
-            _ => geometry.pdf_toward(self.shape, from, hit, direction),
+            _ => geometry.pdf_toward(self.shape, from, direction, distance, normal),
         }
     }
 

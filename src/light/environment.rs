@@ -1,6 +1,6 @@
 use super::{Arrival, Departure, Spread, Surroundings};
 use crate::image::Image;
-use crate::math::{DVec3, Frame, Ray, Rgb, Stream, sampling};
+use crate::math::{DMat3, DVec3, Frame, Ray, Rgb, Stream, sampling};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
@@ -11,14 +11,20 @@ pub struct Environment {
     /// Multiplies the radiance.
     scale: Rgb,
     map: Option<Arc<Map>>,
-    /// The turn about +y in radians, counter-clockwise from above.
-    turn: f64,
 }
 
 /// An image with the distribution its directions are drawn from.
 #[derive(Debug)]
 struct Map {
     image: Image,
+    /// Turns directions of the image into those of the scene.
+    to_scene: DMat3,
+    /// Turns directions of the scene into those of the image.
+    to_image: DMat3,
+    /// The mean over all directions.
+    mean: Rgb,
+    /// The cosines of the angle from +y at which rows begin and, last, the lowest one ends.
+    rows: Vec<f64>,
     /// Running sums of the weights of the texels, row by row, ending in 1.
     cumulative: Vec<f64>,
 }
@@ -26,17 +32,17 @@ struct Map {
 impl Environment {
     /// The same radiance from everywhere.
     pub fn constant(radiance: Rgb) -> Self {
-        Environment { scale: radiance, map: None, turn: 0.0 }
+        Environment { scale: radiance, map: None }
     }
 
-    /// From an image, turned about +y by `turn` radians; `None` if the image is black.
+    /// From an image, turned about +y by `turn` radians, counter-clockwise from above; `None` if the image is black.
     pub fn image(image: Image, scale: Rgb, turn: f64) -> Option<Self> {
         let (width, height) = (image.width, image.height);
         let mut cumulative = Vec::with_capacity(width * height);
+        let rows: Vec<f64> = (0..=height).map(|y| (PI * y as f64 / height as f64).cos()).collect();
         let mut sum = 0.0;
         for y in 0..height {
-            let (top, bottom) = (PI * y as f64 / height as f64, PI * (y + 1) as f64 / height as f64);
-            let share = top.cos() - bottom.cos();
+            let share = rows[y] - rows[y + 1];
             for x in 0..width {
                 // Bilinear look-ups reach half a texel into the neighbours.
                 let mut weight = 0.0;
@@ -51,7 +57,9 @@ impl Environment {
         }
         (sum > 0.0 && sum.is_finite()).then(|| {
             cumulative.iter_mut().for_each(|c| *c /= sum);
-            Environment { scale, map: Some(Arc::new(Map { image, cumulative })), turn }
+            let mean = mean(&image, &rows);
+            let (to_scene, to_image) = (DMat3::from_rotation_y(turn), DMat3::from_rotation_y(-turn));
+            Environment { scale, map: Some(Arc::new(Map { image, to_scene, to_image, mean, rows, cumulative })) }
         })
     }
 
@@ -63,18 +71,14 @@ impl Environment {
     pub(super) fn radiance(&self, direction: DVec3) -> Rgb {
         match &self.map {
             None => self.scale,
-            Some(map) => self.scale * map.look_up(self.to_map(direction)),
+            Some(map) => self.scale * map.look_up(map.to_image * direction),
         }
-    }
-
-    fn to_map(&self, direction: DVec3) -> DVec3 {
-        glam::DMat3::from_rotation_y(-self.turn) * direction
     }
 
     fn mean_radiance(&self) -> Rgb {
         match &self.map {
             None => self.scale,
-            Some(map) => self.scale * map.mean(),
+            Some(map) => self.scale * map.mean,
         }
     }
 
@@ -91,7 +95,7 @@ impl Environment {
             None => (sampling::sphere(stream.uniform2()).normalize(), 0.25 / PI),
             Some(map) => {
                 let (direction, density) = map.sample(stream);
-                (glam::DMat3::from_rotation_y(self.turn) * direction, density)
+                (map.to_scene * direction, density)
             }
         }
     }
@@ -99,7 +103,7 @@ impl Environment {
     pub(super) fn density(&self, direction: DVec3) -> f64 {
         match &self.map {
             None => 0.25 / PI,
-            Some(map) => map.density(self.to_map(direction)),
+            Some(map) => map.density(map.to_image * direction),
         }
     }
 
@@ -134,10 +138,24 @@ fn sum_of(rgb: Rgb) -> f64 {
 
 /// A texel; columns wrap around, rows end at the poles.
 fn texel(image: &Image, x: isize, y: isize) -> Rgb {
+    #[cfg(test)]
+    tests::LOOKED_AT.set(tests::LOOKED_AT.get() + 1);
     let x = x.rem_euclid(image.width as isize) as usize;
     let y = y.clamp(0, image.height as isize - 1) as usize;
     let [r, g, b] = image.pixels[y * image.width + x];
     Rgb::new(r as f64, g as f64, b as f64)
+}
+
+/// The mean over all directions, given the cosines between rows.
+fn mean(image: &Image, rows: &[f64]) -> Rgb {
+    let mut sum = Rgb::ZERO;
+    for y in 0..image.height {
+        let share = 0.5 * (rows[y] - rows[y + 1]);
+        for x in 0..image.width {
+            sum += texel(image, x as isize, y as isize) * (share / image.width as f64);
+        }
+    }
+    sum
 }
 
 impl Map {
@@ -152,25 +170,12 @@ impl Map {
         row(j).lerp(row(j + 1), fy)
     }
 
-    fn mean(&self) -> Rgb {
-        let (width, height) = (self.image.width, self.image.height);
-        let mut sum = Rgb::ZERO;
-        for y in 0..height {
-            let share = 0.5 * ((PI * y as f64 / height as f64).cos() - (PI * (y + 1) as f64 / height as f64).cos());
-            for x in 0..width {
-                sum += texel(&self.image, x as isize, y as isize) * (share / width as f64);
-            }
-        }
-        sum
-    }
-
     fn texel_share(&self, index: usize) -> f64 {
         self.cumulative[index] - if index == 0 { 0.0 } else { self.cumulative[index - 1] }
     }
 
     fn texel_solid_angle(&self, y: usize) -> f64 {
-        let height = self.image.height as f64;
-        TAU / self.image.width as f64 * ((PI * y as f64 / height).cos() - (PI * (y + 1) as f64 / height).cos())
+        TAU / self.image.width as f64 * (self.rows[y] - self.rows[y + 1])
     }
 
     fn sample(&self, stream: &mut Stream) -> (DVec3, f64) {
@@ -178,8 +183,7 @@ impl Map {
         let index = self.cumulative.partition_point(|&c| c <= u).min(self.cumulative.len() - 1);
         let (x, y) = (index % self.image.width, index / self.image.width);
         let [a, b] = stream.uniform2();
-        let height = self.image.height as f64;
-        let (top, bottom) = ((PI * y as f64 / height).cos(), (PI * (y + 1) as f64 / height).cos());
+        let (top, bottom) = (self.rows[y], self.rows[y + 1]);
         let cos = top + (bottom - top) * b;
         let sin = (1.0 - cos * cos).max(0.0).sqrt();
         // u = ½ + atan2(d_x, −d_z)/2π.
@@ -204,6 +208,32 @@ fn coordinates(direction: DVec3) -> (f64, f64) {
 mod tests {
     use super::*;
     use crate::math::random::Purpose;
+    use std::cell::Cell;
+
+    thread_local! {
+        /// How many texels were looked at.
+        pub(super) static LOOKED_AT: Cell<u64> = const { Cell::new(0) };
+    }
+
+    /// A choice between lights costs the same for every image, and so does what is asked of one direction: what depends on
+    /// the whole image is computed once.
+    #[test]
+    fn no_question_looks_at_the_whole_image() {
+        let environment = gradient();
+        let mut stream = Stream::new(4, Purpose::Test, 0, 0);
+        let mut looked_at = |question: &dyn Fn(&mut Stream)| {
+            LOOKED_AT.set(0);
+            question(&mut stream);
+            LOOKED_AT.get()
+        };
+        let surroundings = Surroundings { center: DVec3::ZERO, radius: 1.0 };
+        assert_eq!(looked_at(&|_| assert!(environment.importance() > 0.0)), 0);
+        assert_eq!(looked_at(&|_| assert!(environment.power(&surroundings).x > 0.0)), 0);
+        assert_eq!(looked_at(&|_| assert!(environment.density(DVec3::X) > 0.0)), 0);
+        assert_eq!(looked_at(&|_| assert!(environment.radiance(DVec3::X).x > 0.0)), 4);
+        assert_eq!(looked_at(&|stream| assert!(environment.arrive(stream).is_some())), 4);
+        assert_eq!(looked_at(&|stream| assert!(environment.depart(&surroundings, stream).is_some())), 4);
+    }
 
     fn gradient() -> Environment {
         let (width, height) = (16, 8);

@@ -22,9 +22,9 @@ pub enum Purpose {
     Test = 6,
 }
 
-/// A number of a camera sample whose first draw is spread evenly over a pixel's samples.
+/// What a number of a camera sample is for: the first draw of each is spread evenly over a pixel's samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Spread {
+pub enum Dimension {
     /// The place on the film: two numbers.
     Film,
     /// The distance of a collision.
@@ -41,22 +41,22 @@ pub enum Spread {
     Lens,
 }
 
-impl Spread {
-    /// Its dimensions of Sobol's sequence, whose first are the most even: one bit each.
-    const fn dimensions(self) -> u16 {
+impl Dimension {
+    /// The dimensions of Sobol's sequence that it takes, whose first are the most even: one bit each.
+    const fn bits(self) -> u16 {
         match self {
-            Spread::Film => 0b11,
-            Spread::Flight => 0b1 << 2,
-            Spread::Direction => 0b11 << 3,
-            Spread::Light => 0b11 << 5,
-            Spread::Equiangular => 0b1111 << 7,
-            Spread::LightChoice => 0b1 << 11,
-            Spread::Lens => 0b11 << 12,
+            Dimension::Film => 0b11,
+            Dimension::Flight => 0b1 << 2,
+            Dimension::Direction => 0b11 << 3,
+            Dimension::Light => 0b11 << 5,
+            Dimension::Equiangular => 0b1111 << 7,
+            Dimension::LightChoice => 0b1 << 11,
+            Dimension::Lens => 0b11 << 12,
         }
     }
 }
 
-/// A stream of uniform random numbers. A camera sample's first draws of each kind that [`Spread`] names come from a
+/// A stream of uniform random numbers. A camera sample's first draws of each kind that [`Dimension`] names come from a
 /// point of a scrambled Sobol' sequence that its pixel's samples share; all others are independent.
 #[derive(Clone, Debug)]
 pub struct Stream {
@@ -66,7 +66,7 @@ pub struct Stream {
     key: u64,
     /// The dimensions of the point that were not drawn yet.
     left: u16,
-    /// Those that the next draws take.
+    /// Those that the next draws take, within [`Stream::draw`].
     open: u16,
 }
 
@@ -78,7 +78,7 @@ pub(crate) fn mix(mut z: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// Dimensions of the points: those of [`Spread`], and two to fill a register.
+/// Dimensions of the points: those of [`Dimension`], and two to fill a register.
 const DIMENSIONS: usize = 16;
 
 /// Primitive polynomials, by degree and inner coefficients, and initial direction numbers of the dimensions from the
@@ -174,9 +174,14 @@ impl Stream {
         stream
     }
 
-    /// Says what the next draws are for.
-    pub fn spread(&mut self, kind: Spread) {
-        self.open = kind.dimensions() & self.left;
+    /// Draws what `of` says: numbers that `draws` takes first come from its dimensions, once a sample; what it leaves of these
+    /// goes to no one else.
+    #[inline]
+    pub fn draw<T>(&mut self, of: Dimension, draws: impl FnOnce(&mut Stream) -> T) -> T {
+        self.open = of.bits() & self.left;
+        let drawn = draws(self);
+        self.open = 0;
+        drawn
     }
 
     fn bits(&mut self) -> u64 {
@@ -220,21 +225,20 @@ mod tests {
     #[test]
     fn first_draws_are_spread() {
         const SAMPLES: u32 = 64;
-        const KINDS: [(Spread, usize); 7] = [
-            (Spread::Film, 2),
-            (Spread::Flight, 1),
-            (Spread::Direction, 2),
-            (Spread::Light, 2),
-            (Spread::LightChoice, 1),
-            (Spread::Equiangular, 4),
-            (Spread::Lens, 2),
+        const KINDS: [(Dimension, usize); 7] = [
+            (Dimension::Film, 2),
+            (Dimension::Flight, 1),
+            (Dimension::Direction, 2),
+            (Dimension::Light, 2),
+            (Dimension::LightChoice, 1),
+            (Dimension::Equiangular, 4),
+            (Dimension::Lens, 2),
         ];
         let draw = |sample| {
             let mut stream = Stream::of_sample(3, 17, sample as u64, (0, sample));
             let mut numbers = Vec::new();
             for (kind, count) in KINDS {
-                stream.spread(kind);
-                numbers.extend((0..count).map(|_| stream.uniform()));
+                stream.draw(kind, |stream| numbers.extend((0..count).map(|_| stream.uniform())));
             }
             numbers
         };
@@ -253,6 +257,25 @@ mod tests {
         }
     }
 
+    /// Numbers that a draw leaves go to no one else: the next draws of a sample are independent of its point.
+    #[test]
+    fn numbers_left_over_are_not_passed_on() {
+        let spread = |after: &dyn Fn(&mut Stream)| {
+            let mut strata: Vec<u32> = (0..64)
+                .map(|sample| {
+                    let mut stream = Stream::of_sample(3, 17, sample as u64, (0, sample));
+                    after(&mut stream);
+                    (stream.uniform() * 64.0) as u32
+                })
+                .collect();
+            strata.sort_unstable();
+            strata.dedup();
+            strata.len()
+        };
+        assert!(spread(&|stream| stream.draw(Dimension::Light, |_| ())) < 60);
+        assert!(spread(&|_| ()) < 60);
+    }
+
     /// A kind's second draws are independent of the first.
     #[test]
     fn later_draws_are_independent() {
@@ -260,10 +283,7 @@ mod tests {
         let mut covariance = 0.0;
         for pixel in 0..PIXELS {
             let mut stream = Stream::of_sample(5, pixel, 6, (0, 6));
-            let mut draw = || {
-                stream.spread(Spread::Flight);
-                stream.uniform() - 0.5
-            };
+            let mut draw = || stream.draw(Dimension::Flight, Stream::uniform) - 0.5;
             covariance += draw() * draw() / PIXELS as f64;
         }
         // The product of two has a standard deviation of 1/12.

@@ -40,7 +40,7 @@ impl Default for BlackBody {
 }
 
 impl BlackBody {
-    /// The radiance at `kelvin`.
+    /// The radiance of a black body of a temperature in kelvin, in linear sRGB, W/(sr · m²); 0 below 400 K.
     pub fn radiance(&self, kelvin: f64) -> Rgb {
         if kelvin.is_nan() || kelvin < COLDEST {
             return Rgb::ZERO;
@@ -58,6 +58,7 @@ impl BlackBody {
     }
 }
 
+/// CIE XYZ of the radiance of a black body, by its integral over the visible spectrum.
 fn xyz(kelvin: f64) -> DVec3 {
     let planck = |nanometres: f64| {
         let wavelength = nanometres * 1e-9;

@@ -24,30 +24,30 @@ pub struct Medium {
     pub extinction: Rgb,
     /// σ_s/σ_t; 0 where σ_t is 0.
     pub albedo: Rgb,
-    /// How it scatters.
+    /// Over which directions it scatters light, as probability per steradian.
     pub phase: Phase,
-    /// Where it is thick and where thin.
+    /// Its density over space, by which the coefficients are multiplied.
     pub density: Density,
-    /// How it glows.
+    /// The light that its particles send out.
     pub emission: Emission,
 }
 
 /// The radiance L_e of a medium's particles; σ_a L_e is emitted per unit of length (Jensen 2001, Eq. 10.5).
 #[derive(Clone, Debug)]
 pub enum Emission {
-    /// Dark.
+    /// None is sent out.
     None,
-    /// The same everywhere.
+    /// A radiance that all its particles have.
     Uniform(Rgb),
     /// A black body with a grid of temperatures.
     BlackBody {
-        /// The temperatures.
+        /// The grid of temperatures, before their scale.
         temperature: Box<Grid>,
         /// Kelvin per voxel value.
         kelvin_scale: f64,
-        /// Multiplies the radiance.
+        /// A factor of the radiance.
         scale: f64,
-        /// The radiance by temperature.
+        /// Planck's radiance, by temperature.
         table: BlackBody,
     },
 }

@@ -7,14 +7,14 @@
 
 use crate::math::Rgb;
 
-/// A measured medium.
+/// A measured medium: its reduced scattering and its absorption.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Preset {
     /// Its name in scene files.
     pub name: &'static str,
-    /// σ_s′ in mm⁻¹.
+    /// The reduced scattering coefficient σ_s′ per millimetre, by channel.
     pub reduced_scattering: [f64; 3],
-    /// σ_a in mm⁻¹.
+    /// The absorption coefficient σ_a per millimetre, by channel.
     pub absorption: [f64; 3],
     /// The index of refraction that was assumed: for the `ior` of a dielectric around it.
     pub ior: f64,
@@ -27,7 +27,7 @@ impl Preset {
     }
 }
 
-/// All of them.
+/// The measured media, in the order of the paper's table.
 #[rustfmt::skip]
 pub const PRESETS: [Preset; 12] = [
     preset("apple",      [2.29, 2.39, 1.97], [0.0030, 0.0034, 0.046],  1.3),

@@ -2,13 +2,16 @@
 
 pub(crate) mod discs;
 mod emission;
+mod history;
 mod instructions;
 pub mod kernel;
 pub(crate) mod map;
+mod pilot;
 mod points;
 mod radii;
 pub(crate) mod simd;
-mod trace;
+mod sinks;
+mod tracer;
 mod uneven;
 pub mod walls;
 
@@ -16,4 +19,4 @@ pub use emission::Sources;
 pub use instructions::Instructions;
 pub use map::{Disc, MapSettings, Photon, PhotonMap, Plane, Radii, Radius};
 pub use points::{Ball, PointMap, PointMemory, PointSettings};
-pub use trace::{Pass, Traced, trace};
+pub use tracer::{Pass, Traced, trace};

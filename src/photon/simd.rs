@@ -988,7 +988,7 @@ mod tests {
                 a.mul_add(b, c),
                 a.neg_mul_add(b, c),
                 b.sqrt(),
-                b.rsqrt(),
+                b.min(L::splat(1e30)).rsqrt(),
                 a.exp2(),
                 a.select(less, b),
                 a.keep(at_most),

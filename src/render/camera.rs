@@ -1,5 +1,5 @@
 use crate::gather::Fan;
-use crate::math::random::Spread;
+use crate::math::random::Dimension;
 use crate::math::{DVec3, Frame, Ray, Stream, sampling};
 use crate::scene::description::{self, Filter};
 
@@ -41,16 +41,19 @@ impl Camera {
         }
     }
 
+    /// The pixels across and down.
+    pub fn size(&self) -> (u32, u32) {
+        (self.width as u32, self.height as u32)
+    }
+
     /// A ray through pixel (x, y), row 0 on top.
     pub fn ray(&self, x: u32, y: u32, stream: &mut Stream) -> Ray {
-        stream.spread(Spread::Film);
-        let [dx, dy] = stream.uniform2().map(|u| self.filter_offset(u));
+        let [dx, dy] = stream.draw(Dimension::Film, Stream::uniform2).map(|u| self.filter_offset(u));
         let across = self.across(x as f64 + 0.5 + dx, y as f64 + 0.5 + dy);
         if self.aperture == 0.0 {
             return Ray::new(self.position, (self.forward + across).normalize());
         }
-        stream.spread(Spread::Lens);
-        let (u, v) = sampling::disc(stream.uniform2());
+        let (u, v) = sampling::disc(stream.draw(Dimension::Lens, Stream::uniform2));
         let lens = self.aperture * (u * self.right + v * self.up);
         let focus = self.focus_distance * (self.forward + across);
         Ray::new(self.position + lens, (focus - lens).normalize())

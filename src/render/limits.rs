@@ -6,9 +6,9 @@ use std::time::Duration;
 use super::exact;
 use super::eye::Component;
 use super::film::{Film, Layers};
-use crate::medium::density::Density;
-use crate::scene::Scene;
-use crate::scene::description::{Estimate, Kernel};
+use crate::medium::density;
+use crate::scene::description::{Estimate, Kernel, Volume};
+use crate::scene::{Scene, Settings};
 use crate::{Error, Result};
 
 /// When a render ends, and what it may take. By default: after the scene's own passes.
@@ -48,32 +48,32 @@ const MOST_FILM_BYTES: u64 = 16 << 30;
 
 impl Limits {
     /// The passes to make.
-    pub fn passes(&self, scene: &Scene) -> RangeInclusive<u32> {
+    pub fn passes(&self, settings: &Settings) -> RangeInclusive<u32> {
         match &self.passes {
             Some(passes) => passes.clone(),
             None if self.time.is_some() || self.target_error.is_some() => 1..=exact::MOST,
-            None => 1..=scene.render.passes,
+            None => 1..=settings.render.passes,
         }
     }
 
     /// Whether there is only one pass, and nothing it could be continued by but its repetition.
-    fn single(&self, scene: &Scene) -> bool {
-        self.passes.is_none() && self.passes(scene) == (1..=1)
+    fn single(&self, settings: &Settings) -> bool {
+        self.passes.is_none() && self.passes(settings) == (1..=1)
     }
 
     /// What the film keeps, and whether of several passes, `parts` of which make one.
-    fn film_of(&self, scene: &Scene, parts: u32) -> (Layers, bool) {
-        let several = parts > 1 || self.resumable || self.passes(scene) != (1..=1);
-        (Layers { components: scene.film.layers }, several)
+    fn film_of(&self, settings: &Settings, parts: u32) -> (Layers, bool) {
+        let several = parts > 1 || self.resumable || self.passes(settings) != (1..=1);
+        (Layers { components: settings.film.layers }, several)
     }
 
     /// The film that the render needs, black.
     ///
     /// # Errors
     /// [`Error::Limit`] for more memory than any film should take.
-    pub fn film(&self, scene: &Scene, parts: u32) -> Result<Film> {
-        let (width, height) = (scene.film.width, scene.film.height);
-        let (layers, several) = self.film_of(scene, parts);
+    pub fn film(&self, settings: &Settings, parts: u32) -> Result<Film> {
+        let (width, height) = (settings.film.width, settings.film.height);
+        let (layers, several) = self.film_of(settings, parts);
         let bytes = Film::bytes(width, height, layers, several);
         if bytes > MOST_FILM_BYTES {
             return Err(Error::Limit(format!(
@@ -90,13 +90,13 @@ impl Limits {
     ///
     /// # Errors
     /// [`Error::Limit`] where not even a small part would fit.
-    pub fn parts(&self, scene: &Scene, photons: u64) -> Result<u32> {
-        let parts = if scene.film.standard_error && self.single(scene) { SUB_PASSES } else { 1 };
+    pub fn parts(&self, scene: &Scene, settings: &Settings, photons: u64) -> Result<u32> {
+        let parts = if settings.film.standard_error && self.single(settings) { SUB_PASSES } else { 1 };
         let Some(memory) = self.memory else { return Ok(parts) };
-        let (layers, several) = self.film_of(scene, parts);
-        let film = |several| Film::bytes(scene.film.width, scene.film.height, layers, several);
-        let fixed = PROGRAM_BYTES + densities(scene);
-        let each = photon_bytes(scene);
+        let (layers, several) = self.film_of(settings, parts);
+        let film = |several| Film::bytes(settings.film.width, settings.film.height, layers, several);
+        let fixed = PROGRAM_BYTES + density::bytes(scene.media.iter().map(|medium| &medium.density));
+        let each = photon_bytes(scene, &settings.volume);
         let bytes = |parts: u64| fixed + film(several || parts > 1) + photons.div_ceil(parts) * each;
         if bytes(parts as u64) <= memory {
             return Ok(parts);
@@ -119,32 +119,14 @@ impl Limits {
 }
 
 /// The most bytes that a volume photon of a scene takes.
-fn photon_bytes(scene: &Scene) -> u64 {
-    let beams = scene.volume.estimate == Estimate::Beam;
-    let radius = if beams && scene.volume.kernel == Kernel::Variable { RADIUS_BYTES } else { 0 };
+fn photon_bytes(scene: &Scene, volume: &Volume) -> u64 {
+    let beams = volume.estimate == Estimate::Beam;
+    let radius = if beams && volume.kernel == Kernel::Variable { RADIUS_BYTES } else { 0 };
     let walls = if beams && !scene.surfaces.is_empty() { WALL_BYTES } else { 0 };
-    let uneven = |medium: Option<u32>| {
-        medium.is_some_and(|index| matches!(scene.media[index as usize].density, Density::Grid(_)))
-    };
+    let uneven =
+        |medium: Option<u32>| medium.is_some_and(|index| scene.media[index as usize].density.voxels().is_some());
     let follows = beams && scene.solids.iter().any(|solid| uneven(solid.medium));
     PHOTON_BYTES + radius + walls + if follows { DENSITY_BYTES } else { 0 }
-}
-
-/// Bytes of all grids.
-fn densities(scene: &Scene) -> u64 {
-    let grids = scene.media.iter().filter_map(|medium| match &medium.density {
-        Density::Grid(grid) => Some(grid.voxels()),
-        _ => None,
-    });
-    let mut seen: Vec<_> = Vec::new();
-    let mut bytes = 0;
-    for voxels in grids {
-        if !seen.iter().any(|other| std::sync::Arc::ptr_eq(voxels, other)) {
-            bytes += voxels.bytes() as u64;
-            seen.push(voxels.clone());
-        }
-    }
-    bytes
 }
 
 /// A number of bytes in words.

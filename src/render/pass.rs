@@ -1,5 +1,6 @@
 //! The passes of a render: photons, maps, and samples through every pixel.
 
+use std::ops::RangeInclusive;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
@@ -16,8 +17,8 @@ use crate::gather::{GatherStats, PointMaps, VolumeMaps};
 use crate::medium::Medium;
 use crate::medium::density::Density;
 use crate::photon::{self, MapSettings, Photon, PhotonMap, PointMap, PointSettings, Radii, walls};
-use crate::scene::Scene;
-use crate::scene::description::{Method, SingleScattering};
+use crate::scene::description::Method;
+use crate::scene::{Scene, Settings};
 use crate::transport::Tally;
 
 /// Hears how far a render has come.
@@ -147,8 +148,8 @@ impl Stats {
 /// # Errors
 /// [`Error::Scene`](crate::Error::Scene) where the scene has no steady state; [`Error::Limit`](crate::Error::Limit)
 /// if the film does not fit into memory.
-pub fn render(scene: &Scene, progress: &impl Progress, stop: &AtomicBool) -> Result<Rendering> {
-    refine(scene, &Limits::default(), None, progress, stop)
+pub fn render(scene: &Scene, settings: &Settings, progress: &impl Progress, stop: &AtomicBool) -> Result<Rendering> {
+    refine(scene, settings, &Limits::default(), None, progress, stop)
 }
 
 /// Renders passes of a scene until a limit is reached, beginning from `before`: a film with finished passes of
@@ -161,19 +162,21 @@ pub fn render(scene: &Scene, progress: &impl Progress, stop: &AtomicBool) -> Res
 /// As [`render`].
 pub fn refine(
     scene: &Scene,
+    settings: &Settings,
     limits: &Limits,
     before: Option<(Film, Stats)>,
     progress: &impl Progress,
     stop: &AtomicBool,
 ) -> Result<Rendering> {
-    let camera = Camera::new(&scene.camera, &scene.film);
-    let plan = Plan::new(scene, &camera, limits)?;
-    run(scene, (camera, plan), limits, (before, None), progress, stop)
+    let camera = Camera::new(&scene.camera, &settings.film);
+    let plan = Plan::new(scene, settings, &camera, limits)?;
+    run(scene, settings, (camera, plan), limits, (before, None), progress, stop)
 }
 
 /// Renders as planned, from maps that all passes share or from new ones each.
 pub(super) fn run(
     scene: &Scene,
+    settings: &Settings,
     (camera, plan): (Camera, Plan),
     limits: &Limits,
     (before, shared): (Option<(Film, Stats)>, Option<&Maps>),
@@ -182,7 +185,7 @@ pub(super) fn run(
 ) -> Result<Rendering> {
     let (mut film, stats) = match before {
         Some(before) => before,
-        None => (limits.film(scene, plan.parts)?, Stats::default()),
+        None => (limits.film(settings, plan.parts)?, Stats::default()),
     };
     if let Some(components) = &limits.shown {
         film.show_only(components);
@@ -196,7 +199,7 @@ pub(super) fn run(
         warnings.push(format!("to stay within {mib:.0} MiB, each pass is made in {parts} parts"));
     }
     let mut renderer = Renderer { scene, camera, plan, shared, progress, stop, clock, film, stats, warnings };
-    let end = renderer.run(limits);
+    let end = renderer.run(limits.passes(settings), limits.target_error);
     let Renderer { film, stats, mut warnings, .. } = renderer;
     if let (Some(target), Some(error)) = (limits.target_error, stats.error)
         && error > target
@@ -281,14 +284,13 @@ pub(super) struct Renderer<'s, P> {
 
 impl<P: Progress> Renderer<'_, P> {
     /// Makes passes until there is a reason to end.
-    fn run(&mut self, limits: &Limits) -> End {
-        let (seed, parts) = (self.scene.render.seed, self.plan.parts);
-        let passes = limits.passes(self.scene);
+    fn run(&mut self, passes: RangeInclusive<u32>, target_error: Option<f64>) -> End {
+        let (seed, parts) = (self.plan.seed, self.plan.parts);
         let first = (passes.start() - 1).saturating_mul(parts).saturating_add(1);
         let last = passes.end().saturating_mul(parts).min(exact::MOST);
         let precise = |stats: &Stats| {
             let error = stats.error.filter(|_| stats.passes >= TELLING);
-            limits.target_error.is_some_and(|target| error.is_some_and(|error| error <= target))
+            target_error.is_some_and(|target| error.is_some_and(|error| error <= target))
         };
         self.stats.error = self.film.error();
         let missing = self.film.done().missing(seed, first..=last);
@@ -376,7 +378,7 @@ impl<P: Progress> Renderer<'_, P> {
         let start = Instant::now();
         let announced = AtomicU64::new(0);
         progress.phase("photons", 0);
-        let order = order(scene, &self.plan, pass);
+        let order = order(&self.plan, pass);
         let advance = |done, all| {
             if announced.swap(all, Ordering::Relaxed) != all {
                 progress.phase("photons", all);
@@ -403,9 +405,9 @@ impl<P: Progress> Renderer<'_, P> {
             ));
         }
         let first = self.stats.passes == 0;
-        let traces = scene.volume.single_scattering != SingleScattering::Photons;
+        let asks = self.plan.single_scattering.asks_lights();
         // All light may have been traced.
-        if first && !late && !(traces && traced.stored() == 0) {
+        if first && !late && !(asks && traced.stored() == 0) {
             self.warnings.extend(sparse_map(&self.plan, &traced));
         }
         if first {
@@ -432,12 +434,14 @@ impl<P: Progress> Renderer<'_, P> {
 }
 
 /// What a pass asks the photon pass for.
-pub(super) fn order(scene: &Scene, plan: &Plan, pass: u32) -> photon::Pass {
+pub(super) fn order(plan: &Plan, pass: u32) -> photon::Pass {
     photon::Pass {
-        seed: scene.render.seed,
+        seed: plan.seed,
         index: pass as u64,
         target: plan.volume_photons,
-        max_emitted: scene.photons.max_emitted,
+        max_emitted: plan.max_emitted,
+        max_events: plan.max_events,
+        single_scattering: plan.single_scattering,
     }
 }
 
@@ -518,7 +522,7 @@ fn uneven_density(scene: &Scene, region: u32) -> Option<&Density> {
     let mut media = scene.solids.iter().filter(|solid| solid.region == region).map(|solid| solid.medium);
     let first = media.next().filter(|_| region != scene.world_region)??;
     let density = &scene.media[first as usize].density;
-    (matches!(density, Density::Grid(_)) && media.all(|medium| medium == Some(first))).then_some(density)
+    (density.voxels().is_some() && media.all(|medium| medium == Some(first))).then_some(density)
 }
 
 fn point_maps(scene: &Scene, points: &Points, scale: f32, regions: Vec<Vec<Photon>>) -> PointMaps {
@@ -594,15 +598,14 @@ pub(super) fn mean_extinctions(scene: &Scene, regions: &[Vec<Photon>]) -> Vec<f6
 /// The largest channel's extinction where a region's photons are, on average.
 fn mean_extinction(scene: &Scene, region: u32, photons: &[Photon]) -> f64 {
     let Some(medium) = medium_of(scene, region).filter(|_| !photons.is_empty()) else { return 0.0 };
-    let density: f64 = match medium.density {
-        Density::Uniform => 1.0,
-        _ => {
-            // A few thousand tell enough.
-            let step = photons.len().div_ceil(4096);
-            let some: Vec<f64> =
-                photons.iter().step_by(step).map(|photon| medium.density.at(photon.position.as_dvec3())).collect();
-            some.iter().sum::<f64>() / some.len() as f64
-        }
+    let density: f64 = if medium.density.is_even() {
+        1.0
+    } else {
+        // A few thousand tell enough.
+        let step = photons.len().div_ceil(4096);
+        let some: Vec<f64> =
+            photons.iter().step_by(step).map(|photon| medium.density.at(photon.position.as_dvec3())).collect();
+        some.iter().sum::<f64>() / some.len() as f64
     };
     medium.extinction.max_element() * density
 }

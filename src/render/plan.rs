@@ -1,27 +1,33 @@
 //! What a scene needs, decided once, before anything is traced.
 
+use crate::Result;
 use crate::gather::march::{Marcher, Stepping};
-use crate::math::random::Purpose;
-use crate::math::{DVec3, Rgb, Stream};
 use crate::medium::Medium;
 use crate::photon::kernel::Profile;
 use crate::photon::{Ball, PointSettings, Radius};
-use crate::scene::description::{self, Estimate, Kernel, March, Method, SingleScattering, Step};
-use crate::scene::{Inside, Scene};
-use crate::transport::{Crossing, Segment, Side, Stop, Tally, Visitor, Walk, fly, survive};
-use crate::{Error, Result};
-use std::ops::ControlFlow;
+use crate::scene::description::{self, Estimate, Kernel, March, Method, SingleScattering, Step, Volume};
+use crate::scene::{Inside, Scene, Settings};
+use crate::transport::Events;
 
 use super::camera::Camera;
 use super::limits::Limits;
+use super::pilot::Pilot;
 
 /// The decisions.
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// Photon mapping or path tracing.
     pub method: Method,
+    /// What all random numbers derive from.
+    pub seed: u64,
+    /// How many events a path may have between light and eye.
+    pub max_events: Events,
+    /// Who finds light that a medium scatters straight from a light: a matter of photon mapping.
+    pub single_scattering: SingleScattering,
     /// Volume photons wanted in each pass's map; 0 if the scene has no medium that scatters.
     pub volume_photons: u64,
+    /// The most photons that are emitted in a pass.
+    pub max_emitted: u64,
     /// How wide they are spread.
     pub radius: Radius,
     /// The kernel of discs.
@@ -75,23 +81,22 @@ const MAX_RADIUS_SHARE: f64 = 0.1;
 const STEPS: f64 = 64.0;
 /// Steps are not shorter than this share of that, however dense a medium is.
 const SHORTEST_STEP: f64 = 1.0 / 16.0;
-/// Camera paths that tell how often paths collide.
-const PILOT: u64 = 2000;
-/// Where fewer paths than this share collide, they split.
-const RARE: f64 = 0.01;
 
 impl Plan {
     /// Decides.
     ///
     /// # Errors
     /// [`Error::Scene`] for a scene in which no walk can end; [`Error::Limit`] where memory is too short.
-    pub fn new(scene: &Scene, camera: &Camera, limits: &Limits) -> Result<Plan> {
-        let render = &scene.render;
-        refuse_eternity(scene, camera)?;
+    pub fn new(scene: &Scene, settings: &Settings, camera: &Camera, limits: &Limits) -> Result<Plan> {
+        let Settings { film, render, volume, .. } = settings;
+        let max_events = Events::of_max_depth(render.max_depth);
+        let pilot = Pilot { scene, camera, seed: render.seed };
+        if !max_events.is_limited() {
+            pilot.refuse_eternity()?;
+        }
         let scatters = scene.media.iter().any(|medium| medium.scatters());
-        let photons = volume_photons(scene);
-        let parts = limits.parts(scene, photons)?;
-        let volume = &scene.volume;
+        let photons = volume_photons(scene, settings);
+        let parts = limits.parts(scene, settings, photons)?;
         // The extent that photons can fill: of media with an end, else of the scene.
         let extent = extent_of_media(scene);
         let default_neighbours = if is_dense(scene) { DENSE_NEIGHBOURS } else { NEIGHBOURS };
@@ -116,12 +121,19 @@ impl Plan {
         let inside = (camera.aperture() == 0.0 || scene.solids.is_empty()).then(|| scene.inside(camera.position));
         let mut plan = Plan {
             method: render.method,
+            seed: render.seed,
+            max_events,
+            single_scattering: match render.method {
+                Method::Photon => volume.single_scattering,
+                Method::Path => SingleScattering::Photons,
+            },
             volume_photons: if photons > 0 { (photons / parts as u64).max(1) } else { 0 },
+            max_emitted: settings.photons.max_emitted,
             radius,
-            points: (volume.estimate == Estimate::Point).then(|| points(scene, radius, extent)),
-            traced: (volume.single_scattering != SingleScattering::Photons && volume.march.is_some())
-                .then(|| marchers(scene, extent)),
-            tagged: scene.film.layers || render.max_depth > 0,
+            points: None,
+            traced: (volume.single_scattering.asks_lights() && volume.march.is_some())
+                .then(|| marchers(scene, volume, extent)),
+            tagged: film.layers || max_events.is_limited(),
             split: false,
             parts,
             profile: profile(volume.profile, Profile::Biweight),
@@ -129,8 +141,11 @@ impl Plan {
             samples: render.samples.div_ceil(parts),
             inside,
         };
+        if volume.estimate == Estimate::Point {
+            plan.points = Some(points(scene, volume, &plan, extent));
+        }
         if render.method == Method::Path && scatters {
-            plan.split = collisions_are_rare(scene, camera, &plan);
+            plan.split = pilot.collisions_are_rare(parts);
         }
         Ok(plan)
     }
@@ -146,25 +161,24 @@ fn profile(chosen: Option<description::Profile>, default: Profile) -> Profile {
 }
 
 /// How points are looked up: in balls as wide as the discs of beams would be.
-fn points(scene: &Scene, radius: Radius, extent: f64) -> Points {
-    let volume = &scene.volume;
-    let ball = match radius {
+fn points(scene: &Scene, volume: &Volume, plan: &Plan, extent: f64) -> Points {
+    let ball = match plan.radius {
         Radius::Fixed(radius) => Ball::Fixed(radius),
         Radius::Variable { neighbours, max_radius, .. } => Ball::Nearest { neighbours: neighbours.max(2), max_radius },
     };
     Points {
         settings: PointSettings {
             profile: profile(volume.profile, Profile::Constant),
-            tagged: scene.film.layers || scene.render.max_depth > 0,
+            tagged: plan.tagged,
             ..PointSettings::new(ball)
         },
-        marchers: marchers(scene, extent),
+        marchers: marchers(scene, volume, extent),
     }
 }
 
 /// How rays are marched through each medium.
-fn marchers(scene: &Scene, extent: f64) -> Vec<Marcher> {
-    let march = scene.volume.march.as_ref().unwrap_or(&March::DEFAULT);
+fn marchers(scene: &Scene, volume: &Volume, extent: f64) -> Vec<Marcher> {
+    let march = volume.march.as_ref().unwrap_or(&March::DEFAULT);
     let stepping = match march.step {
         Step::Uniform => Stepping::Uniform,
         Step::Adaptive => Stepping::Adaptive { contrast: march.contrast },
@@ -180,16 +194,16 @@ fn marchers(scene: &Scene, extent: f64) -> Vec<Marcher> {
 }
 
 /// Volume photons wanted in each pass: none where nothing scatters, or nothing shines.
-pub fn volume_photons(scene: &Scene) -> u64 {
+pub fn volume_photons(scene: &Scene, settings: &Settings) -> u64 {
+    let Settings { render, photons, volume, .. } = settings;
     let shines = !scene.lights.is_empty() || scene.media.iter().any(|medium| medium.glows());
     let scatters = scene.media.iter().any(|medium| medium.scatters());
     // Light that shadow rays find needs no photons, if it is all there may be.
-    let traces_all = scene.render.max_depth == 1
-        && scene.volume.single_scattering != SingleScattering::Photons
-        && scene.glows.is_empty();
-    let gathers = scene.render.method == Method::Photon && scatters && shines && !traces_all;
+    let once = Events::of_max_depth(render.max_depth) == Events::at_most(1);
+    let asks_for_all = once && volume.single_scattering.asks_lights() && scene.glows.is_empty();
+    let gathers = render.method == Method::Photon && scatters && shines && !asks_for_all;
     let default = if is_dense(scene) { DENSE_PHOTONS } else { VOLUME_PHOTONS };
-    if gathers { scene.photons.volume.unwrap_or(default) } else { 0 }
+    if gathers { photons.volume.unwrap_or(default) } else { 0 }
 }
 
 /// Whether all media that scatter are in solids that hardly any light passes straight.
@@ -223,109 +237,4 @@ fn extent_of_media(scene: &Scene) -> f64 {
         return scene.bounds().diagonal().max(f64::MIN_POSITIVE);
     }
     bounds.diagonal()
-}
-
-/// A camera ray of the pilot.
-fn pilot_ray(scene: &Scene, camera: &Camera, stream: &mut Stream) -> (crate::math::Ray, Inside) {
-    let x = (stream.uniform() * scene.film.width as f64) as u32;
-    let y = (stream.uniform() * scene.film.height as f64) as u32;
-    let ray = camera.ray(x, y, stream);
-    (ray, scene.inside(ray.origin))
-}
-
-/// Walks by chance, counting collisions.
-struct Wander<'s, 't> {
-    scene: &'s Scene,
-    weight: Rgb,
-    stream: &'t mut Stream,
-    collision: Option<(f64, u32)>,
-}
-
-impl Visitor for Wander<'_, '_> {
-    fn segment(&mut self, segment: &Segment<'_>) -> ControlFlow<()> {
-        let medium = &self.scene.media[segment.medium as usize];
-        let range = (segment.a, segment.b);
-        let mut tally = Tally::default();
-        match fly(medium, segment.ray, range, &mut self.weight, self.stream, &mut tally, |_, _| {}) {
-            Some(t) => {
-                self.collision = Some((t, segment.medium));
-                ControlFlow::Break(())
-            }
-            None => ControlFlow::Continue(()),
-        }
-    }
-
-    fn crossing(&mut self, _: &Crossing<'_>) {}
-}
-
-/// How a walk of the pilot went.
-enum Wandered {
-    Ended { collided: bool },
-    TooLong,
-}
-
-fn wander(scene: &Scene, ray: crate::math::Ray, inside: Inside, most: u64, stream: &mut Stream) -> Wandered {
-    let mut walk = Walk::start(scene, ray, inside);
-    let mut weight = Rgb::ONE;
-    let mut collided = false;
-    for _ in 0..most {
-        let mut visitor = Wander { scene, weight, stream, collision: None };
-        let stop = walk.advance(&mut visitor);
-        weight = visitor.weight;
-        let collision = visitor.collision;
-        match (stop, collision) {
-            (Stop::Ended, Some((t, medium))) => {
-                collided = true;
-                let medium = &scene.media[medium as usize];
-                if !survive(&mut weight, medium.albedo, stream) {
-                    return Wandered::Ended { collided };
-                }
-                let (direction, _): (DVec3, f64) = medium.phase.sample(walk.ray.direction, stream);
-                walk.turn(t, direction);
-            }
-            (Stop::Surface(at), _) => match at.scatter(Side::Light, &mut weight, stream) {
-                Some(direction) => walk.leave(&at, direction),
-                None => return Wandered::Ended { collided },
-            },
-            _ => return Wandered::Ended { collided },
-        }
-    }
-    Wandered::TooLong
-}
-
-fn collisions_are_rare(scene: &Scene, camera: &Camera, plan: &Plan) -> bool {
-    const LONG_ENOUGH: u64 = 1000;
-    let mut collided = 0;
-    for index in 0..PILOT {
-        let mut stream = Stream::new(scene.render.seed, Purpose::Pilot, index, plan.parts as u64);
-        let (ray, inside) = pilot_ray(scene, camera, &mut stream);
-        if !matches!(wander(scene, ray, inside, LONG_ENOUGH, &mut stream), Wandered::Ended { collided: false }) {
-            collided += 1;
-        }
-    }
-    (collided as f64) < RARE * PILOT as f64
-}
-
-/// Where nothing absorbs and nothing escapes there is no steady state.
-fn refuse_eternity(scene: &Scene, camera: &Camera) -> Result<()> {
-    let absorbs = |albedo: Rgb| albedo.min_element() < 1.0;
-    let surfaces = scene.surfaces.iter().filter_map(|surface| surface.material.reflectance()).any(absorbs);
-    let media = scene.media.iter().any(|medium| !medium.is_clear() && absorbs(medium.albedo));
-    if scene.render.max_depth > 0 || surfaces || media {
-        return Ok(());
-    }
-    // Nothing absorbs: does anything escape?
-    const WALKS: u64 = 32;
-    const LONG: u64 = 100_000;
-    for index in 0..WALKS {
-        let mut stream = Stream::new(scene.render.seed, Purpose::Pilot, index, u64::MAX);
-        let (ray, inside) = pilot_ray(scene, camera, &mut stream);
-        if matches!(wander(scene, ray, inside, LONG, &mut stream), Wandered::Ended { .. }) {
-            return Ok(());
-        }
-    }
-    Err(Error::Scene(
-        "light in this scene neither escapes nor is absorbed, so it has no steady state: open the scene, lower a reflectance or an albedo below 1, or limit render.max_depth"
-            .to_string(),
-    ))
 }

@@ -7,9 +7,9 @@ use super::camera::Camera;
 use super::film::Film;
 use super::limits::Limits;
 use super::pass::{self, Maps, Progress, Rendering, Stats, mean_extinctions, order};
-use super::plan::{Plan, volume_photons};
+use super::plan::Plan;
 use crate::photon::{self, Photon};
-use crate::scene::Scene;
+use crate::scene::{Scene, Settings};
 use crate::transport::Tally;
 use crate::{Error, Result};
 
@@ -36,9 +36,14 @@ impl SharedPhotons {
     ///
     /// # Errors
     /// As [`refine`](super::refine); [`Error::Interrupted`] if `stop` is set meanwhile.
-    pub fn trace(scene: &Scene, progress: &impl Progress, stop: &AtomicBool) -> Result<SharedPhotons> {
-        let camera = Camera::new(&scene.camera, &scene.film);
-        let plan = Plan::new(scene, &camera, &Limits::default())?;
+    pub fn trace(
+        scene: &Scene,
+        settings: &Settings,
+        progress: &impl Progress,
+        stop: &AtomicBool,
+    ) -> Result<SharedPhotons> {
+        let camera = Camera::new(&scene.camera, &settings.film);
+        let plan = Plan::new(scene, settings, &camera, &Limits::default())?;
         let start = Instant::now();
         let mut photons = SharedPhotons {
             regions: vec![Vec::new(); scene.regions as usize],
@@ -46,10 +51,10 @@ impl SharedPhotons {
             seconds: 0.0,
             tally: Tally::default(),
         };
-        if volume_photons(scene) > 0 {
+        if plan.volume_photons > 0 {
             progress.phase("photons", 0);
             let advance = |done, _| progress.advance(done);
-            let traced = photon::trace(scene, &order(scene, &plan, 0), &advance, &|| stop.load(Ordering::Relaxed));
+            let traced = photon::trace(scene, &order(&plan, 0), &advance, &|| stop.load(Ordering::Relaxed));
             if stop.load(Ordering::Relaxed) {
                 return Err(Error::Interrupted);
             }
@@ -66,13 +71,13 @@ impl SharedPhotons {
 }
 
 impl SharedMap {
-    /// Builds the map that `scene` wants: with the radii of its first pass.
+    /// Builds the map that `settings` want: with the radii of the first pass.
     ///
     /// # Errors
     /// As [`refine`](super::refine).
-    pub fn build(scene: &Scene, photons: &SharedPhotons) -> Result<SharedMap> {
-        let camera = Camera::new(&scene.camera, &scene.film);
-        let plan = Plan::new(scene, &camera, &Limits::default())?;
+    pub fn build(scene: &Scene, settings: &Settings, photons: &SharedPhotons) -> Result<SharedMap> {
+        let camera = Camera::new(&scene.camera, &settings.film);
+        let plan = Plan::new(scene, settings, &camera, &Limits::default())?;
         let regions = photons.regions.clone();
         let start = Instant::now();
         let extinctions = mean_extinctions(scene, &regions);
@@ -102,16 +107,17 @@ impl SharedMap {
 /// As [`refine`](super::refine).
 pub fn refine_shared(
     scene: &Scene,
+    settings: &Settings,
     map: &mut SharedMap,
     limits: &Limits,
     before: Option<(Film, Stats)>,
     progress: &impl Progress,
     stop: &AtomicBool,
 ) -> Result<Rendering> {
-    let camera = Camera::new(&scene.camera, &scene.film);
-    let plan = Plan::new(scene, &camera, limits)?;
+    let camera = Camera::new(&scene.camera, &settings.film);
+    let plan = Plan::new(scene, settings, &camera, limits)?;
     if let (Maps::Points(maps), Some(points)) = (&mut map.maps, &plan.points) {
         maps.march(&points.marchers);
     }
-    pass::run(scene, (camera, plan), limits, (before, Some(&map.maps)), progress, stop)
+    pass::run(scene, settings, (camera, plan), limits, (before, Some(&map.maps)), progress, stop)
 }

@@ -5,14 +5,14 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use super::camera::Camera;
-use super::eye::{Claim, Context, Eye, Mode};
+use super::eye::{Claim, Context, Eye, EyeSettings, Mode, Path};
 use super::film::Sums;
 use super::pass::{Clock, Progress, Renderer};
 use super::plan::Plan;
 use crate::gather::{GatherStats, Queue};
 use crate::math::Stream;
 use crate::scene::Scene;
-use crate::transport::Tally;
+use crate::transport::{Parts, Tally};
 
 /// Pixels along the edge of a tile, the work of one task.
 const TILE: u32 = 16;
@@ -30,6 +30,12 @@ struct Tile {
     tally: Tally,
 }
 
+/// What a thread keeps from one tile to the next: memory.
+struct Room<'s> {
+    queue: Queue<Claim>,
+    parts: Parts<'s, Path>,
+}
+
 /// A round of samples of all pixels.
 struct Round<'r, 's> {
     scene: &'s Scene,
@@ -45,11 +51,17 @@ struct Round<'r, 's> {
 impl<P: Progress> Renderer<'_, P> {
     /// Samples all pixels, in rounds, the first of them short, so that an interrupted image is whole.
     pub(super) fn expose(&mut self, mode: Mode<'_>, pass: u32) {
-        let (width, height) = (self.scene.film.width, self.scene.film.height);
+        let (width, height) = self.camera.size();
         let tiles = width.div_ceil(TILE) * height.div_ceil(TILE);
         self.progress.phase("render", tiles as u64 * self.plan.samples as u64);
         let traced = self.plan.traced.clone();
-        let eye = Eye::new(self.scene, mode, traced.as_deref());
+        let settings = EyeSettings {
+            mode,
+            max_events: self.plan.max_events,
+            single_scattering: self.plan.single_scattering,
+            marchers: traced.as_deref(),
+        };
+        let eye = Eye::new(self.scene, settings);
         let mut from = 0;
         while from < self.plan.samples && !self.stopped() {
             let most = if pass == 0 { self.progress.round(from).clamp(1, ROUND) } else { ROUND };
@@ -71,13 +83,13 @@ impl<P: Progress> Renderer<'_, P> {
             let progress = self.progress;
             // Tasks that busy threads do not take find no tile left.
             let work = || {
-                let mut queue = Queue::default();
+                let mut room = Room { queue: Queue::default(), parts: Parts::new() };
                 while !round.stopped() {
                     let number = next.fetch_add(1, Ordering::Relaxed);
                     if number >= tiles {
                         break;
                     }
-                    let tile = round.tile(number, &mut queue);
+                    let tile = round.tile(number, &mut room);
                     let mut image = image.lock().unwrap_or_else(PoisonError::into_inner);
                     let (film, stats) = &mut *image;
                     tile.sums.iter().for_each(|(x, y, sum)| film.add(*x, *y, sum));
@@ -94,54 +106,56 @@ impl<P: Progress> Renderer<'_, P> {
     }
 }
 
-impl Round<'_, '_> {
+impl<'s> Round<'_, 's> {
     fn stopped(&self) -> bool {
         self.stop.load(Ordering::Relaxed) || self.clock.ends_samples()
     }
 
     /// Samples the pixels of a tile.
-    fn tile(&self, tile: u32, queue: &mut Queue<Claim>) -> Tile {
-        let (width, height) = (self.scene.film.width, self.scene.film.height);
+    fn tile(&self, tile: u32, room: &mut Room<'s>) -> Tile {
+        let (width, height) = self.camera.size();
         let columns = width.div_ceil(TILE);
         let (x0, y0) = (tile % columns * TILE, tile / columns * TILE);
         let mut done = Tile { sums: Vec::new(), gathered: GatherStats::default(), tally: Tally::default() };
         for part in 0..(TILE / BUNDLE).pow(2) {
             let (x0, y0) = (x0 + part % (TILE / BUNDLE) * BUNDLE, y0 + part / (TILE / BUNDLE) * BUNDLE);
             let rays = (BUNDLE * BUNDLE) as usize * self.samples.len();
-            queue.begin(self.camera.fan((x0, y0), BUNDLE, rays));
+            room.queue.begin(self.camera.fan((x0, y0), BUNDLE, rays));
             for index in 0..BUNDLE * BUNDLE {
                 let (x, y) = (x0 + every_second_bit(index), y0 + every_second_bit(index >> 1));
                 if x < width && y < height && !self.stopped() {
-                    self.pixel((x, y), queue, &mut done);
+                    self.pixel((x, y), room, &mut done);
                 }
             }
             if let Mode::Gather(maps) = self.eye.mode() {
-                maps.gather_bundles(queue);
+                maps.gather_bundles(&mut room.queue);
             }
         }
         if let Mode::Gather(maps) = self.eye.mode() {
-            maps.gather_streams(queue);
-            for (claim, gathered) in queue.done.drain(..) {
+            maps.gather_streams(&mut room.queue);
+            for (claim, gathered) in room.queue.done.drain(..) {
                 for (component, radiance) in claim.settle(&gathered, &mut done.tally) {
                     done.sums[claim.pixel as usize].2.add_to(component, radiance);
                 }
             }
         }
-        done.gathered = std::mem::take(&mut queue.stats);
+        done.gathered = std::mem::take(&mut room.queue.stats);
         done
     }
 
-    fn pixel(&self, (x, y): (u32, u32), queue: &mut Queue<Claim>, done: &mut Tile) {
+    fn pixel(&self, (x, y): (u32, u32), room: &mut Room<'s>, done: &mut Tile) {
         let Round { scene, camera, plan, eye, pass, .. } = self;
-        let pixel = y as u64 * scene.film.width as u64 + x as u64;
+        let pixel = y as u64 * camera.size().0 as u64 + x as u64;
         let mut sum = Sums::default();
         for sample in self.samples.clone() {
             let number = *pass as u64 * plan.samples as u64 + sample as u64;
-            let mut stream = Stream::of_sample(scene.render.seed, pixel, number, (*pass, sample));
+            let mut stream = Stream::of_sample(plan.seed, pixel, number, (*pass, sample));
             let ray = camera.ray(x, y, &mut stream);
             let inside = plan.inside.clone().unwrap_or_else(|| scene.inside(ray.origin));
             let index = done.sums.len() as u32;
-            let mut context = Context { stream: &mut stream, queue, pixel: index, tally: &mut done.tally };
+            let tally = &mut done.tally;
+            let Room { queue, parts } = &mut *room;
+            let mut context = Context { stream: &mut stream, queue, pixel: index, tally, parts };
             sum.add(&eye.look(ray, inside, &mut context));
         }
         done.sums.push((x, y, sum));

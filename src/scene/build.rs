@@ -1,35 +1,36 @@
 //! From what a scene file says to what the renderer needs: files loaded, instances placed, media carried
 //! along, and everything moved so that the scene's middle is the origin.
 
+mod lights;
+mod regions;
+
 use std::collections::HashMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::Glow;
-use super::description::{self as said, Description, LightKind, Located, MaterialKind, ShapeKind, Strength};
+use super::description::{self as said, Description, Located, MaterialKind, ShapeKind, Strength};
 use super::world::{Scene, Solid, Surface};
+use super::{Glow, Settings};
 use crate::geometry::{Cuboid, Cylinder, Disk, Geometry, Lathe, Mesh, Placed, Quad, Shape, Sphere};
-use crate::image;
-use crate::light::{self, Area, Cone, Directional, Environment, Light, Point, Profile, Sides, Spot, Surroundings};
+use crate::light::{Area, Light, Profile, Sides, Surroundings};
 use crate::math::{Bounds, DAffine3, DVec3, Rgb};
 use crate::medium::black_body::BlackBody;
 use crate::medium::density::bricks::{BrickGrid, Interpolation, NegativePolicy};
-use crate::medium::density::{Density, Exponential, Grid, Noise, npy, vdb};
-use crate::medium::phase::{HenyeyGreenstein, Isotropic, Mixture, Phase, Rayleigh, Schlick, mie};
+use crate::medium::density::{Density, Grid, npy, vdb};
 use crate::medium::{Emission, Medium};
-use crate::surface::{Dielectric, Lambert, Material, Mirror};
+use crate::surface::{Bsdf, Dielectric, Lambert, Material, Mirror};
 use crate::{Error, Result};
 
-/// Loads and builds a scene.
+/// Loads and builds a scene. With it come the settings that its file gives for the picture.
 ///
 /// # Errors
 /// [`Error::Scene`], with its place, for files that cannot be used, for solids whose mesh is not closed, and
 /// for scenes without a steady state.
-pub fn build(description: &Description) -> Result<Scene> {
+pub fn build(description: &Description) -> Result<(Scene, Settings)> {
     let mut builder = Builder::new(description);
     builder.place_shapes()?;
     builder.place_lights()?;
-    builder.finish()
+    Ok((builder.finish()?, Settings::of(description)))
 }
 
 /// What a placed shape will be.
@@ -163,7 +164,7 @@ impl<'d> Builder<'d> {
         for (index, shape, transform, instance) in shapes {
             let said = &self.description.shapes[*index];
             let Some(interior) = &said.interior else { continue };
-            if !matches!(self.description.media[interior.value].density, said::Density::Noise { .. }) {
+            if !self.description.media[interior.value].density.fills_shapes() {
                 continue;
             }
             let transform = match instance {
@@ -217,8 +218,8 @@ impl<'d> Builder<'d> {
     /// The medium at `index` of the description, carried along by an instance: an index into `media`.
     fn medium(&mut self, index: usize, instance: Option<usize>) -> Result<u32> {
         // What does not depend on the place is not carried.
-        let uniform = matches!(self.description.media[index].density, said::Density::Constant { .. });
-        let key = (index, if uniform { None } else { instance });
+        let even = self.description.media[index].density.even().is_some();
+        let key = (index, if even { None } else { instance });
         if let Some(&medium) = self.carried.get(&key) {
             return Ok(medium);
         }
@@ -231,16 +232,7 @@ impl<'d> Builder<'d> {
             Some(instance) => self.moved() * self.description.shapes[instance].transform,
             None => self.moved(),
         };
-        match &mut medium.density {
-            Density::Uniform => {}
-            Density::Exponential(air) => {
-                // h = (x − origin)·up with x taken back to the file's coordinates.
-                let back = carry.inverse();
-                air.origin = carry.transform_point3(air.origin);
-                air.up = back.matrix3.transpose() * air.up;
-            }
-            Density::Grid(grid) => *grid = grid.moved(carry),
-        }
+        medium.density = medium.density.moved(carry);
         if let Emission::BlackBody { temperature, .. } = &mut medium.emission {
             **temperature = temperature.moved(carry);
         }
@@ -258,14 +250,8 @@ impl<'d> Builder<'d> {
                 extinction *= *value;
                 Density::Uniform
             }
-            said::Density::Exponential { origin, up, scale_height, value } => Density::Exponential(Exponential {
-                origin: *origin,
-                up: *up,
-                scale_height: *scale_height,
-                value: *value,
-            }),
-            said::Density::Noise { scale, octaves, threshold, seed } => {
-                let noise = Noise { scale: *scale, octaves: *octaves, threshold: *threshold, seed: *seed };
+            said::Density::Exponential(air) => Density::Exponential(*air),
+            said::Density::Noise(noise) => {
                 let extents = self.extents.get(&index).map_or(&[][..], Vec::as_slice);
                 Density::Grid(noise.sample(extents).map_err(|error| said.place.error(error))?)
             }
@@ -282,15 +268,15 @@ impl<'d> Builder<'d> {
                 Density::Grid(self.vdb(file, grid.as_ref(), *transform, interpolation, negative)?)
             }
         };
-        let emission = match (&said.emission, &said.density) {
-            (None, _) => Emission::None,
-            (Some(said::MediumEmission::Constant { radiance }), _) => Emission::Uniform(*radiance),
-            (
-                Some(said::MediumEmission::BlackBody { temperature, kelvin_scale, scale }),
-                said::Density::Vdb { file, transform, .. },
-            ) => {
+        let emission = match &said.emission {
+            None => Emission::None,
+            Some(said::MediumEmission::Constant { radiance }) => Emission::Uniform(*radiance),
+            Some(said::MediumEmission::BlackBody { temperature, kelvin_scale, scale }) => {
+                let Some((file, transform)) = said.density.grids() else {
+                    return Err(temperature.place.error("a grid of temperatures needs a density of type \"vdb\""));
+                };
                 let grid =
-                    self.vdb(file, Some(temperature), *transform, Interpolation::Trilinear, NegativePolicy::Zero)?;
+                    self.vdb(file, Some(temperature), transform, Interpolation::Trilinear, NegativePolicy::Zero)?;
                 Emission::BlackBody {
                     temperature: Box::new(grid),
                     kelvin_scale: *kelvin_scale,
@@ -298,15 +284,12 @@ impl<'d> Builder<'d> {
                     table: BlackBody::default(),
                 }
             }
-            (Some(said::MediumEmission::BlackBody { temperature, .. }), _) => {
-                return Err(temperature.place.error("a grid of temperatures needs a density of type \"vdb\""));
-            }
         };
         let medium = Medium {
             name: said.name.clone(),
             extinction,
             albedo: said.albedo(),
-            phase: phase(&said.phase),
+            phase: said.phase.clone(),
             density,
             emission,
         };
@@ -380,95 +363,6 @@ impl<'d> Builder<'d> {
         Ok(Grid::new(Arc::new(voxels), to_world).clipped(clip))
     }
 
-    // Lights.
-
-    fn place_lights(&mut self) -> Result<()> {
-        let description = self.description;
-        for said in &description.lights {
-            let black = Material::Lambert(Lambert { reflectance: Rgb::ZERO });
-            let fail = |error: Error| said.place.error(error);
-            match &said.kind {
-                LightKind::Point { position, intensity, radius } => {
-                    if intensity.max_element() <= 0.0 {
-                        continue;
-                    }
-                    let position = *position - self.center;
-                    if *radius > 0.0 {
-                        let sphere = Sphere::new(position, *radius).map_err(fail)?;
-                        let power = Shine::Power(4.0 * std::f64::consts::PI * *intensity, Sides::Out);
-                        self.lamp(Shape::Sphere(sphere), black, power).map_err(fail)?;
-                    } else {
-                        self.lights.push(Light::Point(Point { position, intensity: *intensity }));
-                    }
-                }
-                LightKind::Spot { position, direction, intensity, inner_angle, outer_angle, radius } => {
-                    if intensity.max_element() <= 0.0 {
-                        continue;
-                    }
-                    let position = *position - self.center;
-                    let cone = Cone::new(*direction, inner_angle.to_radians(), outer_angle.to_radians());
-                    if *radius > 0.0 {
-                        let disc = Disk::new(position, *direction, *radius).map_err(fail)?;
-                        let shine = Shine::Disc(Profile::Spot(*intensity, cone));
-                        self.lamp(Shape::Disk(disc), Material::None, shine).map_err(fail)?;
-                    } else {
-                        self.lights.push(Light::Spot(Spot { position, intensity: *intensity, cone }));
-                    }
-                }
-                LightKind::Directional { direction, irradiance, angle, beam } => {
-                    if irradiance.max_element() <= 0.0 {
-                        continue;
-                    }
-                    let half = 0.5 * angle.to_radians();
-                    let cone = Cone::new(*direction, half, half);
-                    match beam {
-                        Some(beam) if *angle > 0.0 => {
-                            let center = beam.center - self.center;
-                            let disc = Disk::new(center, *direction, beam.radius).map_err(fail)?;
-                            let radiance = light::cone_radiance(*irradiance, cone.outer);
-                            let shine = Shine::Disc(Profile::Beam(radiance, cone));
-                            self.lamp(Shape::Disk(disc), Material::None, shine).map_err(fail)?;
-                        }
-                        _ => self.lights.push(Light::Directional(Directional {
-                            direction: *direction,
-                            irradiance: *irradiance,
-                            cone: cone.outer,
-                            beam: beam.map(|beam| (beam.center - self.center, beam.radius)),
-                        })),
-                    }
-                }
-                LightKind::Environment { source, scale, rotate } => {
-                    if scale.max_element() <= 0.0 {
-                        continue;
-                    }
-                    let light = match source {
-                        said::EnvironmentSource::Constant(radiance) => {
-                            let radiance = *radiance * *scale;
-                            (radiance.max_element() > 0.0).then(|| Environment::constant(radiance))
-                        }
-                        said::EnvironmentSource::Image(file) => {
-                            let image = read_environment(&file.value).map_err(|error| file.place.error(error))?;
-                            let light = Environment::image(image, *scale, rotate.to_radians());
-                            if light.is_none() {
-                                self.warnings.push(format!("{}: the image is black: no light", file.place));
-                            }
-                            light
-                        }
-                    };
-                    self.lights.extend(light.map(Light::Environment));
-                }
-            }
-        }
-        Ok(())
-    }
-
-    fn lamp(&mut self, shape: Shape, material: Material, shine: Shine) -> Result<()> {
-        let placed = Placed::new(shape, DAffine3::IDENTITY)?;
-        let surface = Surface { material, solid: None, light: None };
-        self.parts.push(Part { placed, surface, solid: None, emission: Some(shine) });
-        Ok(())
-    }
-
     // The scene.
 
     fn finish(mut self) -> Result<Scene> {
@@ -506,7 +400,7 @@ impl<'d> Builder<'d> {
                 }
                 Some(Shine::Disc(profile)) => (profile, Sides::Out),
             };
-            let light = Area { shape: id as u32, profile, sides, area, bounds };
+            let light = Area::new(id as u32, (profile, sides), area, bounds);
             if light.power().max_element() > 0.0 {
                 surfaces[id].light = Some(self.lights.len() as u32);
                 self.lights.push(Light::Area(light));
@@ -514,11 +408,7 @@ impl<'d> Builder<'d> {
         }
 
         let mut scene = Scene {
-            film: description.film.clone(),
             camera,
-            render: description.render.clone(),
-            photons: description.photons.clone(),
-            volume: description.volume.clone(),
             geometry,
             surfaces,
             solids,
@@ -532,145 +422,21 @@ impl<'d> Builder<'d> {
             center: self.center,
             warnings: self.warnings,
         };
-        join_regions(&mut scene);
-        scene.surroundings = surroundings(&scene);
-        darken_infinity(&mut scene);
+        regions::join_regions(&mut scene);
+        scene.surroundings = regions::surroundings(&scene);
+        regions::darken_infinity(&mut scene);
         scene.glows = Glow::all(&scene);
         Ok(scene)
     }
 }
 
-fn read_environment(path: &Path) -> Result<image::Image> {
-    let picture = image::read(path)?;
-    match picture.image.pixels.iter().position(|p| p.iter().any(|c| !c.is_finite() || *c < 0.0)) {
-        None => Ok(picture.image),
-        Some(at) => {
-            let (x, y) = (at % picture.image.width, at / picture.image.width);
-            let value = picture.image.pixels[at];
-            Err(Error::asset(path, format!("pixel ({x}, {y}) is {value:?}; radiance must be finite and not negative")))
-        }
-    }
-}
-
 fn material(kind: &MaterialKind) -> Material {
     match kind {
-        MaterialKind::Lambert { reflectance } => Material::Lambert(Lambert { reflectance: *reflectance }),
-        MaterialKind::Mirror { reflectance } => Material::Mirror(Mirror { reflectance: *reflectance }),
+        MaterialKind::Lambert { reflectance } => Material::Opaque(Bsdf::Lambert(Lambert { reflectance: *reflectance })),
+        MaterialKind::Mirror { reflectance } => Material::Opaque(Bsdf::Mirror(Mirror { reflectance: *reflectance })),
         MaterialKind::Dielectric { ior, roughness } => {
             Material::Dielectric(Dielectric { index: *ior, roughness: *roughness })
         }
         MaterialKind::None => Material::None,
-    }
-}
-
-/// A phase function as it is evaluated.
-pub(super) fn phase(said: &said::Phase) -> Phase {
-    match said {
-        said::Phase::Isotropic => Phase::Isotropic(Isotropic),
-        said::Phase::HenyeyGreenstein { g } => Phase::HenyeyGreenstein(HenyeyGreenstein { g: *g }),
-        said::Phase::Schlick { k } => Phase::Schlick(Schlick { k: *k }),
-        said::Phase::Rayleigh => Phase::Rayleigh(Rayleigh),
-        said::Phase::Mie { diameter } => Phase::Mixture(mie(*diameter)),
-        said::Phase::Mixture(lobes) => {
-            Phase::Mixture(Mixture::new(lobes.iter().map(|(weight, lobe)| (*weight, phase(lobe))).collect()))
-        }
-    }
-}
-
-/// Numbers the regions: solids with the same medium and index that touch share one, as does the world.
-fn join_regions(scene: &mut Scene) {
-    let count = scene.solids.len();
-    // Union–find over solids and, last, the world.
-    let mut parent: Vec<usize> = (0..=count).collect();
-    fn root(parent: &mut [usize], mut i: usize) -> usize {
-        while parent[i] != i {
-            parent[i] = parent[parent[i]];
-            i = parent[i];
-        }
-        i
-    }
-    let margin = 1e-9 * scene.geometry.all_bounds().diagonal();
-    let boxes: Vec<Bounds> =
-        scene.solids.iter().map(|solid| scene.geometry.bounds(solid.shape).grown(margin)).collect();
-    let index = |solid: &Solid| solid.index.unwrap_or(Rgb::ONE);
-    for i in 0..count {
-        if scene.solids[i].medium == scene.world && index(&scene.solids[i]) == Rgb::ONE {
-            let (a, b) = (root(&mut parent, i), root(&mut parent, count));
-            parent[a.min(b)] = a.max(b);
-        }
-        for j in 0..i {
-            let (one, other) = (&scene.solids[i], &scene.solids[j]);
-            let same = one.medium == other.medium && index(one) == index(other);
-            if same && boxes[i].overlaps(&boxes[j]) {
-                let (a, b) = (root(&mut parent, i), root(&mut parent, j));
-                parent[a.min(b)] = a.max(b);
-            }
-        }
-    }
-    let mut numbers = HashMap::new();
-    let mut number = |root: usize| {
-        let next = numbers.len() as u32;
-        *numbers.entry(root).or_insert(next)
-    };
-    scene.world_region = number(root(&mut parent, count));
-    for i in 0..count {
-        scene.solids[i].region = number(root(&mut parent, i));
-    }
-    scene.regions = numbers.len() as u32;
-}
-
-/// A sphere around all surfaces, lights, the camera and bounded media. Where an atmosphere fills the world,
-/// it reaches some mean free paths farther, for light that enters from the side.
-fn surroundings(scene: &Scene) -> Surroundings {
-    let mut bounds = scene.bounds();
-    let mut margin = 0.0;
-    if let Some(world) = scene.world {
-        let medium = &scene.media[world as usize];
-        let support = medium.density.support();
-        if support.size().is_finite() {
-            bounds = bounds.union(support);
-        } else if let Density::Exponential(air) = &medium.density {
-            let extinction = medium.extinction.element_sum() / 3.0 * air.value;
-            if extinction > 0.0 {
-                margin = FREE_PATHS / extinction;
-            }
-        }
-    }
-    let radius = 0.5 * bounds.diagonal() * (1.0 + 1e-6) + margin;
-    Surroundings { center: bounds.center(), radius: if radius > 0.0 { radius } else { 1.0 } }
-}
-
-/// How many mean free paths of an atmosphere around the scene light from infinity is traced through.
-const FREE_PATHS: f64 = 8.0;
-
-/// Light from infinity does not survive a world medium that does not thin out.
-fn darken_infinity(scene: &mut Scene) {
-    let Some(world) = scene.world else { return };
-    let medium = &scene.media[world as usize];
-    let endless = match &medium.density {
-        Density::Uniform => true,
-        Density::Exponential(_) => false,
-        Density::Grid(grid) => grid.voxels().background() > 0.0 && !grid.support().size().is_finite(),
-    };
-    if !endless || medium.extinction.max_element() <= 0.0 {
-        return;
-    }
-    let passes = medium.extinction.map(|sigma| if sigma > 0.0 { 0.0 } else { 1.0 });
-    let mut darkened = false;
-    scene.lights.retain_mut(|light| {
-        if !light.is_infinite() {
-            return true;
-        }
-        darkened = true;
-        light.dim(passes);
-        passes.max_element() > 0.0
-    });
-    if darkened {
-        // Lights have moved: surfaces find theirs again.
-        for (index, light) in scene.lights.iter().enumerate() {
-            if let Light::Area(area) = light {
-                scene.surfaces[area.shape as usize].light = Some(index as u32);
-            }
-        }
     }
 }

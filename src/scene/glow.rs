@@ -5,7 +5,6 @@ use rayon::prelude::*;
 use super::{Inside, Scene};
 use crate::math::random::Purpose;
 use crate::math::{Bounds, DVec3, Ray, Rgb, Stream, sampling};
-use crate::medium::density::Density;
 
 /// A glowing medium that has an end, in a box: points are drawn from cells in proportion to what was found there, for
 /// photons to what it sends out, for those who ask for light to what of that leaves the box besides.
@@ -83,10 +82,7 @@ impl Glow {
         if bounds.is_empty() || !bounds.size().is_finite() {
             return None;
         }
-        let cells = match scene.media[medium as usize].density {
-            Density::Grid(_) => CELLS_OF_VOXELS,
-            _ => CELLS,
-        };
+        let cells = if scene.media[medium as usize].density.voxels().is_some() { CELLS_OF_VOXELS } else { CELLS };
         let none = || Cells(Vec::new());
         let mut glow = Glow { medium, bounds, cells, sent: none(), leaving: none(), power: 0.0 };
         // What each cell sends out, and what of it leaves the box in a direction drawn at random.

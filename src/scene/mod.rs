@@ -8,8 +8,10 @@ pub mod description;
 mod glow;
 mod overrides;
 mod read;
+mod settings;
 mod study;
 mod table;
+mod text;
 mod tree;
 mod world;
 
@@ -17,5 +19,6 @@ pub use build::build;
 pub use description::{Description, Located, Place};
 pub use glow::Glow;
 pub use read::{parse, read};
+pub use settings::Settings;
 pub use study::{Study, StudyReference, StudyVariant, is_plain, read_study};
 pub use world::{Inside, Scene, Solid, Surface};

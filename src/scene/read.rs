@@ -7,22 +7,18 @@ mod shapes;
 mod transform;
 mod warnings;
 
-use std::fs::File;
-use std::io::Read as _;
 use std::path::Path;
 use std::sync::Arc;
 
 use super::description::{
-    Camera, Density, Description, Document, Estimate, Film, Filter, Kernel, March, Method, Photons, Profile, Render,
+    Camera, Description, Document, Estimate, Film, Filter, Kernel, March, Method, Photons, Profile, Render,
     SingleScattering, Step, ToneMap, Unit, Volume, World,
 };
 use super::table::{Item, Problems, Read, Table, unit};
+use super::text::text_of;
 use super::{overrides, study, tree};
 use crate::math::DVec3;
 use crate::{Error, Result};
-
-/// The largest scene file that is read, in bytes; instances by the hundred thousand fit.
-const LARGEST_FILE: u64 = 64 << 20;
 
 /// The most pixels a film may have.
 const MOST_PIXELS: u64 = 1 << 31;
@@ -53,24 +49,6 @@ pub fn parse(text: &str, path: &Path, overrides: &[String]) -> Result<Descriptio
     problems.check()?;
     // A value that could not be read has left a problem behind.
     description.map_err(|_| Error::Scene(format!("{}: cannot be read", path.display())))
-}
-
-pub(super) fn text_of(path: &Path) -> Result<String> {
-    let failed = |error: std::io::Error| Error::asset(path, format!("cannot be read: {error}"));
-    let file = File::open(path).map_err(failed)?;
-    if file.metadata().map_err(failed)?.is_dir() {
-        return Err(Error::asset(path, "is a folder; expected a scene file"));
-    }
-    let mut bytes = Vec::new();
-    file.take(LARGEST_FILE + 1).read_to_end(&mut bytes).map_err(failed)?;
-    if bytes.len() as u64 > LARGEST_FILE {
-        return Err(Error::asset(path, format!("is larger than {} MiB; expected a scene file", LARGEST_FILE >> 20)));
-    }
-    String::from_utf8(bytes).map_err(|error| {
-        let valid = &error.as_bytes()[..error.utf8_error().valid_up_to()];
-        let line = valid.iter().filter(|&&byte| byte == b'\n').count() + 1;
-        Error::asset(path, format!("is not UTF-8 text (line {line}); expected a scene file"))
-    })
 }
 
 /// What names mean in one scene file.
@@ -114,7 +92,7 @@ fn describe(root: &Table, path: &Path) -> Read<Description> {
     let unit = world.as_ref().map_or(Unit::Metre, |world| world.unit);
     let media = all(&media_items, |(name, item)| media::medium(name, item, &names, unit));
     if let (Ok(World { medium: Some(medium), .. }), Ok(media)) = (&world, &media)
-        && matches!(media[medium.value].density, Density::Noise { .. })
+        && media[medium.value].density.fills_shapes()
     {
         return Err(world_table.fail_at(
             "medium",

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::description::Document;
-use super::read::text_of;
 use super::table::{Item, Problems, Read, Table, join};
+use super::text::text_of;
 use super::tree::{self, Node, Value};
 use crate::quantity;
 use crate::{Error, Result};

@@ -3,26 +3,18 @@
 use smallvec::SmallVec;
 
 use super::Glow;
-use super::description::{Camera, Film, Photons, Render, Volume};
+use super::description::Camera;
 use crate::geometry::{Cluster, Geometry};
 use crate::light::{Light, Surroundings};
 use crate::math::{Bounds, DVec3, Rgb, Stream};
 use crate::medium::Medium;
 use crate::surface::Material;
 
-/// Everything a renderer needs.
+/// What is there: who looks, shapes, media and lights. How a picture of it is computed, [`Settings`](super::Settings) say.
 #[derive(Debug)]
 pub struct Scene {
-    /// The image to make.
-    pub film: Film,
     /// Who looks, from where.
     pub camera: Camera,
-    /// How to compute it.
-    pub render: Render,
-    /// How many photons.
-    pub photons: Photons,
-    /// How media are gathered.
-    pub volume: Volume,
     /// All surfaces; ids of placed shapes index `surfaces`.
     pub geometry: Geometry,
     /// What each placed shape is made of.

@@ -1,3 +1,4 @@
+use super::{Drawn, Incidence, Scattering};
 use crate::math::{DVec3, Frame, Rgb, Stream, sampling};
 use std::f64::consts::PI;
 
@@ -9,18 +10,21 @@ pub struct Lambert {
 }
 
 impl Lambert {
-    /// f, for two directions on the same side.
-    pub fn value(&self) -> Rgb {
-        self.reflectance / PI
+    /// ρ cos θ/π with density cos θ/π.
+    pub(super) fn value(&self, at: &Incidence, o: DVec3) -> Scattering {
+        let density = at.shading_normal.dot(o).max(0.0) / PI;
+        Scattering { value: self.reflectance * density, ahead: Rgb::splat(density) }
     }
 
-    /// A direction about `normal` with density cos θ/π.
-    pub fn sample(&self, normal: DVec3, stream: &mut Stream) -> DVec3 {
-        Frame::around(normal).to_world(sampling::cosine_hemisphere(stream.uniform2())).normalize()
+    /// A direction drawn in proportion to the cosine.
+    pub(super) fn sample(&self, at: &Incidence, stream: &mut Stream) -> Drawn {
+        let normal = at.shading_normal;
+        let direction = cosine(normal, stream);
+        Drawn { direction, normal, factor: self.reflectance, density: normal.dot(direction).max(0.0) / PI }
     }
+}
 
-    /// The density of [`Lambert::sample`].
-    pub fn density(&self, normal: DVec3, direction: DVec3) -> f64 {
-        normal.dot(direction).max(0.0) / PI
-    }
+/// A direction about `normal` with density cos θ/π.
+pub(super) fn cosine(normal: DVec3, stream: &mut Stream) -> DVec3 {
+    Frame::around(normal).to_world(sampling::cosine_hemisphere(stream.uniform2())).normalize()
 }

@@ -1,24 +1,36 @@
 //! What surfaces do with light: one file a material.
+//!
+//! A scene file names a [`Material`]. Where light meets it, it acts by a [`Bsdf`], which answers what everyone asks: its
+//! [`Nature`], its albedo, what goes [toward](Bsdf::toward) a direction (value and density), and where light goes
+//! [onward](Bsdf::onward) (a draw). What is drawn and what is said to be drawn agree: tests hold every kind to that.
+//!
+//! A new opaque material is one file, with `value` and `sample`, and its lines in [`Bsdf`] and in the reader of scene files.
 
 mod dielectric;
+mod fresnel;
+mod incidence;
 mod lambert;
 mod mirror;
+mod nature;
 mod rough;
+mod smooth;
 
-pub use dielectric::{Dielectric, Lobe, fresnel, reflectance};
+pub use dielectric::{Dielectric, Lobe};
+pub use fresnel::{fresnel, reflectance};
+pub use incidence::{Incidence, Side};
 pub use lambert::Lambert;
 pub use mirror::Mirror;
-pub use rough::{Facet, Leaving, Rough};
+pub use nature::{Boundary, Drawn, Nature, Onward, Scattering, Straight};
+pub use rough::Rough;
+pub use smooth::Smooth;
 
-use crate::math::Rgb;
+use crate::math::{DVec3, Rgb, Stream};
 
-/// One of the materials a scene file can name.
+/// What a scene file says a surface is made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Material {
-    /// Diffuse reflection.
-    Lambert(Lambert),
-    /// Specular reflection.
-    Mirror(Mirror),
+    /// Reflects, and lets nothing pass.
+    Opaque(Bsdf),
     /// A boundary between indices of refraction.
     Dielectric(Dielectric),
     /// No surface: light passes, only the medium changes.
@@ -28,23 +40,127 @@ pub enum Material {
 impl Material {
     /// Whether light never passes through.
     pub fn is_opaque(&self) -> bool {
-        matches!(self, Material::Lambert(_) | Material::Mirror(_))
+        matches!(self, Material::Opaque(_))
+    }
+
+    /// Whether it absorbs any light.
+    pub fn absorbs(&self) -> bool {
+        match self {
+            Material::Opaque(bsdf) => bsdf.albedo(&Incidence::head_on()).min_element() < 1.0,
+            Material::Dielectric(_) | Material::None => false,
+        }
     }
 
     /// The index of refraction inside, if it has one.
     pub fn index(&self) -> Option<Rgb> {
         match self {
             Material::Dielectric(dielectric) => Some(dielectric.index),
-            _ => None,
+            Material::Opaque(_) | Material::None => None,
+        }
+    }
+}
+
+/// How a surface scatters light (its bidirectional scattering distribution function), where light meets it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Bsdf {
+    /// Diffuse reflection.
+    Lambert(Lambert),
+    /// Specular reflection.
+    Mirror(Mirror),
+    /// A smooth boundary between two indices of refraction.
+    Smooth(Smooth),
+    /// A rough boundary between two indices of refraction.
+    Rough(Rough),
+}
+
+impl Bsdf {
+    /// How it spreads light.
+    pub fn nature(&self) -> Nature {
+        match self {
+            Bsdf::Lambert(_) => Nature::Diffuse,
+            Bsdf::Rough(_) => Nature::Glossy,
+            Bsdf::Mirror(_) | Bsdf::Smooth(_) => Nature::Specular,
         }
     }
 
-    /// The share of light that an opaque material reflects.
-    pub fn reflectance(&self) -> Option<Rgb> {
+    /// The share of light that is not absorbed, of all that arrives as `at` says.
+    pub fn albedo(&self, _at: &Incidence) -> Rgb {
         match self {
-            Material::Lambert(lambert) => Some(lambert.reflectance),
-            Material::Mirror(mirror) => Some(mirror.reflectance),
-            Material::Dielectric(_) | Material::None => None,
+            Bsdf::Lambert(lambert) => lambert.reflectance,
+            Bsdf::Mirror(mirror) => mirror.reflectance,
+            Bsdf::Smooth(_) | Bsdf::Rough(_) => Rgb::ONE,
+        }
+    }
+
+    /// Tells `part` what goes on along `o` of light that arrives as `at` says with `weight`: the weight that comes to a part,
+    /// and what that sends. One part for most kinds; rough boundaries follow light from facet to facet, and each of these
+    /// is one. On average, weights times values add up to all that goes there. Light from that direction may be
+    /// asked for while it might also be found by chance, each share weighted by its part's density. Where a path follows
+    /// both lobes of a boundary, `both` says so, and densities are those of each lobe alone. Nothing is told of specular kinds.
+    #[allow(clippy::too_many_arguments, reason = "one question, asked in one place")]
+    pub fn toward(
+        &self,
+        at: &Incidence,
+        o: DVec3,
+        side: Side,
+        both: bool,
+        weight: Rgb,
+        stream: &mut Stream,
+        mut part: impl FnMut(Rgb, Scattering),
+    ) {
+        let mut reflects = |sent: Scattering| {
+            if sent.ahead.x > 0.0 && o.dot(at.normal) > 0.0 {
+                part(weight, Scattering { value: sent.value * at.adjoint(side, at.shading_normal, o), ..sent });
+            }
+        };
+        match self {
+            Bsdf::Lambert(lambert) => reflects(lambert.value(at, o)),
+            Bsdf::Rough(rough) => rough.toward(at, o, side, both, weight, stream, part),
+            Bsdf::Mirror(_) | Bsdf::Smooth(_) => {}
+        }
+    }
+
+    /// Draws where light goes on that arrives as `at` says, and weights `weight` for it; `None` where it ends. What a boundary
+    /// does is left to chance, or given as `lobe`. `survives` applies the factor by which a reflection scales the weight, with
+    /// roulette or without, and says whether light goes on; boundaries absorb nothing and ask for none.
+    pub fn onward(
+        &self,
+        at: &Incidence,
+        side: Side,
+        lobe: Option<Lobe>,
+        weight: &mut Rgb,
+        stream: &mut Stream,
+        survives: impl FnOnce(&mut Rgb, Rgb, &mut Stream) -> bool,
+    ) -> Option<Onward> {
+        let drawn = match self {
+            Bsdf::Lambert(lambert) => lambert.sample(at, stream),
+            Bsdf::Mirror(mirror) => mirror.sample(at),
+            Bsdf::Smooth(smooth) => return smooth.onward(at, side, lobe, weight, stream),
+            Bsdf::Rough(rough) => return rough.onward(at, side, lobe, weight, stream),
+        };
+        let Drawn { direction, normal, factor, density } = drawn;
+        // A shading normal may lead below the surface.
+        if density > 0.0 && direction.dot(at.normal) <= 0.0 {
+            return None;
+        }
+        let factor = factor * at.adjoint(side, normal, direction);
+        survives(weight, factor, stream).then_some(Onward { direction, density })
+    }
+
+    /// The boundary between two indices of refraction that it is, if it is one: light takes two ways there.
+    pub fn boundary(&self, at: &Incidence) -> Option<Boundary> {
+        match self {
+            Bsdf::Smooth(smooth) => Some(smooth.boundary(at)),
+            Bsdf::Rough(rough) => Some(Boundary { from: rough.from, reflected: None }),
+            Bsdf::Lambert(_) | Bsdf::Mirror(_) => None,
+        }
+    }
+
+    /// What passes if light goes straight on through a smooth boundary; `None` where nothing does.
+    pub fn straight(&self, at: &Incidence) -> Option<Straight> {
+        match self {
+            Bsdf::Smooth(smooth) => Some(smooth.straight(at)),
+            Bsdf::Lambert(_) | Bsdf::Mirror(_) | Bsdf::Rough(_) => None,
         }
     }
 }

@@ -1,7 +1,8 @@
 use std::f64::consts::{PI, TAU};
 
-use super::{Dielectric, Lobe, Mirror, reflectance};
-use crate::math::{DVec3, Frame, Rgb, Stream, shares};
+use super::mirror::reflect;
+use super::{Dielectric, Incidence, Lobe, Onward, Scattering, Side, reflectance};
+use crate::math::{DVec3, Frame, Rgb, Stream};
 
 /// A rough boundary between two indices of refraction, met from one side: mirror-like facets, each of which
 /// reflects and refracts by Fresnel's equations, with normals distributed by GGX (Walter, Marschner, Li and
@@ -24,31 +25,21 @@ pub struct Rough {
     pub alpha: f64,
 }
 
-/// Where light goes on from a rough boundary.
+/// Where facets send light, as power.
 #[derive(Clone, Copy, Debug)]
-pub struct Leaving {
+struct Leaving {
     /// The unit direction of travel.
-    pub direction: DVec3,
+    direction: DVec3,
     /// The density per steradian with which the last facet sends there what came to it as this light did, and was to take the
     /// lobe that was given, if one was; 0 if there is none: then nothing else can find this light.
-    pub density: f64,
+    density: f64,
     /// How many facets were met.
-    pub facets: u32,
+    #[cfg_attr(not(test), allow(dead_code, reason = "tests tell single facets from several"))]
+    facets: u32,
 }
 
-/// What one facet does.
-#[derive(Clone, Copy, Debug)]
-pub struct Facet {
-    /// The share of the power that arrives which leaves per steradian: f |cos θ_o| for power.
-    pub value: Rgb,
-    /// The density with which [`Rough::sample`] draws the direction by this facet, where it is this channel that
-    /// goes there: of its lobe alone where both are followed.
-    pub density: Rgb,
-}
-
-impl Facet {
-    const NONE: Facet = Facet { value: Rgb::ZERO, density: Rgb::ZERO };
-}
+/// What no facet sends.
+const NOTHING: Scattering = Scattering { value: Rgb::ZERO, ahead: Rgb::ZERO };
 
 /// Light on its way between facets, in coordinates whose z points away from the surface on the side where it is.
 #[derive(Clone, Copy)]
@@ -74,9 +65,50 @@ const MOST_FACETS: u32 = 1000;
 const MATCHED: f64 = 1e-9;
 
 impl Rough {
+    /// What facets send along `o`, one part a facet: see [`Bsdf::toward`](super::Bsdf::toward).
+    #[allow(clippy::too_many_arguments, reason = "those of `Bsdf::toward`")]
+    pub(super) fn toward(
+        &self,
+        at: &Incidence,
+        o: DVec3,
+        side: Side,
+        both: bool,
+        weight: Rgb,
+        stream: &mut Stream,
+        mut part: impl FnMut(Rgb, Scattering),
+    ) {
+        let Some(scale) = self.scale(at, o, side) else { return };
+        self.facets((at.direction, at.shading_normal), o, both, weight, stream, |weight, sent| {
+            part(weight, Scattering { value: scale * sent.value, ..sent });
+        });
+    }
+
+    /// Draws where facets send light: see [`Bsdf::onward`](super::Bsdf::onward).
+    pub(super) fn onward(
+        &self,
+        at: &Incidence,
+        side: Side,
+        lobe: Option<Lobe>,
+        weight: &mut Rgb,
+        stream: &mut Stream,
+    ) -> Option<Onward> {
+        let Leaving { direction, density, .. } = self.sample(at.direction, at.shading_normal, lobe, weight, stream)?;
+        *weight *= self.scale(at, direction, side)?;
+        Some(Onward { direction, density })
+    }
+
+    /// By what power that leaves along `o` is multiplied: Veach's correction for light, and for eyes (η₁/η₂)² if that is through
+    /// the boundary. `None` where the normals do not agree which side that is.
+    fn scale(&self, at: &Incidence, o: DVec3, side: Side) -> Option<Rgb> {
+        let through = o.dot(at.shading_normal) < 0.0;
+        let ratio = if through && side == Side::Eye { self.from / self.to } else { Rgb::ONE };
+        let agree = through == (o.dot(at.normal) < 0.0);
+        agree.then(|| ratio * ratio * at.adjoint(side, at.shading_normal, o))
+    }
+
     /// Draws where light goes on that travels along `direction`, against the unit `normal`, and weights `weight`
     /// for it, as power: refraction does not change it. `lobe` says what the first facet does, or leaves it to chance.
-    pub fn sample(
+    fn sample(
         &self,
         direction: DVec3,
         normal: DVec3,
@@ -87,11 +119,11 @@ impl Rough {
         let frame = Frame::around(normal);
         let mut visit = self.arrive(frame.to_local(direction));
         for facets in 1..=MOST_FACETS {
-            let (arriving, shares) = (visit, shares(*weight));
+            let arriving = visit;
             let lobe = lobe.filter(|_| facets == 1);
             if self.meet(&mut visit, lobe, weight, stream)? {
                 let leaving = visit.turned(visit.travel);
-                let by_channel = self.sends(&arriving, leaving, shares, lobe.is_some()).density;
+                let by_channel = self.sends(&arriving, leaving, lobe.is_some()).ahead;
                 // Where the channels part, all but one have no weight; else they have one density.
                 let density = (0..3).filter(|&c| weight[c] > 0.0).map(|c| by_channel[c]).fold(0.0, f64::max);
                 return Some(Leaving { direction: frame.to_world(leaving).normalize(), density, facets });
@@ -104,20 +136,20 @@ impl Rough {
     /// at each and what that facet sends along `leaving`. On average, weights times values are all that goes there; and
     /// a light in that direction may be asked for what [`Rough::sample`] might also find by chance, each weighted by its
     /// facet's density. `both`: it is asked for both lobes of the first facet, one after the other.
-    pub fn facets(
+    fn facets(
         &self,
         (direction, normal): (DVec3, DVec3),
         leaving: DVec3,
         both: bool,
         mut weight: Rgb,
         stream: &mut Stream,
-        mut sent: impl FnMut(Rgb, Facet),
+        mut sent: impl FnMut(Rgb, Scattering),
     ) {
         let frame = Frame::around(normal);
         let leaving = frame.to_local(leaving);
         let mut visit = self.arrive(frame.to_local(direction));
         for facets in 1..=MOST_FACETS {
-            sent(weight, self.sends(&visit, leaving, shares(weight), both && facets == 1));
+            sent(weight, self.sends(&visit, leaving, both && facets == 1));
             if self.meet(&mut visit, None, &mut weight, stream) != Some(false) {
                 return;
             }
@@ -134,7 +166,7 @@ impl Rough {
         let facet = self.visible(-*travel, stream.uniform2());
         let cos = -travel.dot(facet);
         if Lobe::take(lobe, reflectance(cos, *from, *to), weight, stream) == Lobe::Reflected {
-            *travel = Mirror::reflect(*travel, facet);
+            *travel = reflect(*travel, facet);
         } else {
             let channel = Dielectric::channel(*from, *to, weight, stream)?;
             *travel = Dielectric::refract(*travel, facet, from[channel], to[channel])?;
@@ -145,28 +177,31 @@ impl Rough {
         Some(travel.z > 0.0 && stream.uniform() < self.unmasked(travel.z))
     }
 
-    /// What the next facet sends along `leaving`, which is seen from the side of arrival, where the channels have these
-    /// `shares` of the light (Walter et al. 2007, Eqs. 17, 20 and 21). `both`: both lobes are followed.
-    fn sends(&self, visit: &Visit, leaving: DVec3, shares: Rgb, both: bool) -> Facet {
+    /// What the next facet sends along `leaving`, which is seen from the side of arrival (Walter et al. 2007, Eqs. 17, 20
+    /// and 21). `both`: both lobes are followed. Densities are those of light in which the channels have equal shares:
+    /// whoever asks for light and whoever meets it must find the same, whatever weights they bring.
+    fn sends(&self, visit: &Visit, leaving: DVec3, both: bool) -> Scattering {
         let Visit { from, to, .. } = *visit;
         let (i, o) = (-visit.travel, visit.turned(leaving));
         if o.z == 0.0 {
-            return Facet::NONE;
+            return NOTHING;
         }
         let passes = self.unmasked(o.z);
+        // Reflected about the half vector.
         if o.z > 0.0 {
-            let Some(half) = (i + o).try_normalize() else { return Facet::NONE };
+            let Some(half) = (i + o).try_normalize() else { return NOTHING };
             let cos = i.dot(half);
             let density = passes * self.visible_density(i, half) / (4.0 * cos);
             if cos <= 0.0 || density <= 0.0 || !density.is_finite() {
-                return Facet::NONE;
+                return NOTHING;
             }
             let reflected = reflectance(cos, from, to);
-            let chance = if both { 1.0 } else { (shares * reflected).element_sum() };
-            return Facet { value: reflected * density, density: Rgb::splat(chance * density) };
+            let chance = if both { 1.0 } else { reflected.element_sum() / 3.0 };
+            return Scattering { value: reflected * density, ahead: Rgb::splat(chance * density) };
         }
+        // Refracted about a half vector of each channel's own.
         let disperses = Dielectric::disperses(from, to);
-        let mut facet = Facet::NONE;
+        let mut sent = NOTHING;
         for channel in 0..3 {
             let (from, to) = (from[channel], to[channel]);
             if (from - to).abs() < MATCHED {
@@ -186,17 +221,15 @@ impl Rough {
             let refracted = Rgb::ONE - reflectance(cos, visit.from, visit.to);
             // Where the channels part, one is drawn.
             let chance = match (disperses, both) {
-                (true, true) => {
-                    shares[channel] * refracted[channel] / (shares * refracted).element_sum().max(f64::MIN_POSITIVE)
-                }
-                (true, false) => shares[channel] * refracted[channel],
+                (true, true) => refracted[channel] / refracted.element_sum().max(f64::MIN_POSITIVE),
+                (true, false) => refracted[channel] / 3.0,
                 (false, true) => 1.0,
                 (false, false) => refracted[channel],
             };
-            facet.value[channel] = refracted[channel] * density;
-            facet.density[channel] = chance * density;
+            sent.value[channel] = refracted[channel] * density;
+            sent.ahead[channel] = chance * density;
         }
-        facet
+        sent
     }
 
     /// G₁ for a direction with this cosine to the normal.
@@ -255,10 +288,10 @@ mod tests {
     }
 
     /// What the first facet alone sends.
-    fn facet(boundary: &Rough, direction: DVec3, normal: DVec3, leaving: DVec3) -> Facet {
+    fn facet(boundary: &Rough, direction: DVec3, normal: DVec3, leaving: DVec3) -> Scattering {
         let frame = Frame::around(normal);
         let visit = boundary.arrive(frame.to_local(direction));
-        boundary.sends(&visit, frame.to_local(leaving), Rgb::splat(1.0 / 3.0), false)
+        boundary.sends(&visit, frame.to_local(leaving), false)
     }
 
     fn rough(from: f64, to: f64, alpha: f64) -> Rough {
@@ -313,7 +346,7 @@ mod tests {
                         let (s, c) = (TAU * turn).sin_cos();
                         let across = (1.0 - z * z).sqrt();
                         let o = DVec3::new(across * c, across * s, z);
-                        expected += facet(&boundary, direction, DVec3::Z, o).density.x * cell;
+                        expected += facet(&boundary, direction, DVec3::Z, o).ahead.x * cell;
                     }
                     total += expected;
                     let expected = expected * N as f64;
@@ -375,7 +408,7 @@ mod tests {
                     facets += 1;
                     for c in (0..3).filter(|_| facets >= least) {
                         found[c][bin(o)][1] += weight[c] * facet.value[c] / uniform;
-                        found[c][bin(o)][2] += weight[c] * facet.value[c] / (facet.density[c] + uniform);
+                        found[c][bin(o)][2] += weight[c] * facet.value[c] / (facet.ahead[c] + uniform);
                     }
                 });
                 for (sum, x) in

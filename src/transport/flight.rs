@@ -4,7 +4,6 @@ use std::ops::ControlFlow;
 
 use crate::math::{Ray, Rgb, Stream, shares};
 use crate::medium::Medium;
-use crate::medium::density::Density;
 
 /// What is counted on the way and reported in the end.
 #[derive(Clone, Copy, Debug, Default, serde::Serialize, serde::Deserialize)]
@@ -87,7 +86,7 @@ pub fn fly(
     tally: &mut Tally,
     mut emission: impl FnMut(f64, Rgb),
 ) -> Option<f64> {
-    let Density::Grid(grid) = &medium.density else {
+    let Some(grid) = medium.density.voxels() else {
         let target = draw(medium, *weight, stream);
         return end(medium, ray, (a, b), target, weight);
     };
@@ -165,20 +164,18 @@ const LABORIOUS: f64 = 32.0;
 pub fn flight_density(medium: &Medium, ray: &Ray, a: f64, t: f64, weight: Rgb) -> f64 {
     let sigma = medium.extinction;
     let density = medium.density.at(ray.at(t));
-    match medium.density {
-        Density::Grid(_) => (shares(weight) * sigma).element_sum() * density,
-        _ => {
-            let depth = medium.density.depth(ray, a, t);
-            (shares(weight) * sigma * medium.transmittance(depth)).element_sum() * density
-        }
+    if medium.density.voxels().is_some() {
+        return (shares(weight) * sigma).element_sum() * density;
     }
+    let depth = medium.density.depth(ray, a, t);
+    (shares(weight) * sigma * medium.transmittance(depth)).element_sum() * density
 }
 
 /// Multiplies `weight` by an unbiased estimate of the transmittance from `a` to `b`: exact where the
 /// depth has a closed form, by ratio tracking (Novák et al. 2014) in voxels, ended by roulette once
 /// little is left; exact again where that would take long.
 pub fn pass(medium: &Medium, ray: &Ray, (a, b): (f64, f64), weight: &mut Rgb, stream: &mut Stream) {
-    let Density::Grid(grid) = &medium.density else {
+    let Some(grid) = medium.density.voxels() else {
         *weight *= medium.transmittance(medium.density.depth(ray, a, b));
         return;
     };
@@ -266,7 +263,7 @@ mod tests {
     use crate::math::{DAffine3, DVec3};
     use crate::medium::Emission;
     use crate::medium::density::bricks::{BrickGrid, NegativePolicy};
-    use crate::medium::density::{Exponential, Grid};
+    use crate::medium::density::{Density, Exponential, Grid};
     use crate::medium::phase::{Isotropic, Phase};
     use std::sync::Arc;
 

@@ -1,5 +1,6 @@
 //! Light asked of glowing media.
 
+use super::ask::balance;
 use crate::math::{DVec3, Rgb, Stream};
 use crate::scene::{Glow, Scene};
 
@@ -51,7 +52,7 @@ impl Rival<'_> {
     /// What is left for the light of the medium at `p`, met by chance.
     pub fn share(&self, p: DVec3) -> f64 {
         let by_chance = self.by_chance / self.glow.extent();
-        by_chance / (by_chance + self.count * self.glow.density(p) * self.from.distance_squared(p))
+        balance(by_chance, self.count * self.glow.density(p) * self.from.distance_squared(p))
     }
 }
 

@@ -1,14 +1,30 @@
-//! What light and eye share: the walk from surface to surface through the media between, free
-//! flights and transmittance, events at surfaces, and light that arrives straight from a light.
+//! What light and eye share: the walk from surface to surface through the media between, vertices and the journey from one
+//! to the next, free flights and transmittance, and light asked for and met.
 
+mod ask;
+pub mod equiangular;
+mod events;
 mod flight;
 mod glow;
-mod light;
+mod journey;
 mod roulette;
+mod segment;
+mod shadow;
+mod surface;
+#[cfg(test)]
+mod tests;
+mod vertex;
 mod walk;
 
+pub use ask::{Asked, Turn, balance};
+pub use equiangular::{Flight, Landing};
+pub use events::Events;
 pub use flight::{Forced, Tally, draw, end, flight_density, fly, force, pass};
 pub use glow::{Ember, Glows, Rival};
-pub use light::{light_density, transmit, transmit_straight};
+pub use journey::{Heading, Luggage, Part, Parts, SAFETY_STOP, Traveller, travel};
 pub use roulette::{endures, survive};
-pub use walk::{Crossing, Interaction, Onward, Reflection, Segment, Side, Stop, Visitor, Walk};
+pub use segment::{Crossing, Segment};
+pub use shadow::{transmit, transmit_straight};
+pub use surface::Interaction;
+pub use vertex::{Collision, Vertex};
+pub use walk::{Stop, Visitor, Walk};

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 use volpm::image::{self, Image};
 use volpm::render::{Rendering, Silent, render as render_scene};
-use volpm::scene::{self, Scene};
+use volpm::scene::{self, Scene, Settings};
 
 /// A file under `tests/data`.
 pub fn data(path: &str) -> PathBuf {
@@ -29,6 +29,11 @@ pub fn scene_text(path: &str) -> String {
 
 /// A scene from the text of a scene file; relative paths start at `tests/data`.
 pub fn scene(text: &str, overrides: &[&str]) -> Scene {
+    built(text, overrides).0
+}
+
+/// A scene and its settings from the text of a scene file; relative paths start at `tests/data`.
+pub fn built(text: &str, overrides: &[&str]) -> (Scene, Settings) {
     let overrides: Vec<String> = overrides.iter().map(|text| text.to_string()).collect();
     let description =
         scene::parse(text, &data("scene.toml"), &overrides).unwrap_or_else(|error| panic!("{error}\n{text}"));
@@ -37,7 +42,8 @@ pub fn scene(text: &str, overrides: &[&str]) -> Scene {
 
 /// A whole render.
 pub fn render(text: &str, overrides: &[&str]) -> Rendering {
-    render_scene(&scene(text, overrides), &Silent, &AtomicBool::new(false)).unwrap_or_else(|error| panic!("{error}"))
+    let (scene, settings) = built(text, overrides);
+    render_scene(&scene, &settings, &Silent, &AtomicBool::new(false)).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// The images of renders with seeds 1, 2, …

@@ -1,13 +1,15 @@
-use crate::math::{DVec3, Ray, one_minus_exp_over};
+//! An atmosphere.
+
+use crate::math::{DAffine3, DVec3, Ray, one_minus_exp_over};
 
 /// An atmosphere: with h = (x − origin)·up, `value` e^{−h/scale_height} above the origin and `value` below.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Exponential {
-    /// A point at height 0.
+    /// A point of height h = 0.
     pub origin: DVec3,
-    /// The unit direction the density falls in.
+    /// The direction the density falls in, not 0; h is what its length makes of it.
     pub up: DVec3,
-    /// The height over which it falls to 1/e.
+    /// The height over which it falls to 1/e, above 0.
     pub scale_height: f64,
     /// The density at and below height 0.
     pub value: f64,
@@ -17,12 +19,26 @@ pub struct Exponential {
 const FAR: f64 = 700.0;
 
 impl Exponential {
-    /// The density at `p`.
+    /// Carried along by a transform of the scene.
+    pub fn moved(&self, transform: DAffine3) -> Self {
+        // h = (x − origin)·up with x taken back to the coordinates before.
+        let back = transform.inverse();
+        let (origin, up) = (transform.transform_point3(self.origin), back.matrix3.transpose() * self.up);
+        Exponential { origin, up, ..*self }
+    }
+
+    /// The density at the point `p`.
     pub fn at(&self, p: DVec3) -> f64 {
         self.value * (-self.height(p).max(0.0)).exp()
     }
 
-    /// In scale heights.
+    /// The length over which it is nearly linear, an eighth of its scale height: between the two ends linear
+    /// interpolation is off by 1/512 of the density at most.
+    pub(super) fn feature_length(&self) -> f64 {
+        self.scale_height / 8.0
+    }
+
+    /// The height of `p` over the origin, in scale heights.
     fn height(&self, p: DVec3) -> f64 {
         (p - self.origin).dot(self.up) / self.scale_height
     }
@@ -30,9 +46,11 @@ impl Exponential {
     /// Splits `[t0, t1]` where the ray crosses heights 0 and `FAR`; visits the pieces in order with the
     /// heights at their ends, until told to stop.
     fn pieces(&self, ray: &Ray, t0: f64, t1: f64, mut visit: impl FnMut(f64, f64, f64, f64) -> bool) {
+        // Heights along the ray, in scale heights.
         let rise = ray.direction.dot(self.up) / self.scale_height;
         let h = self.height(ray.origin);
         let at = |t: f64| if rise == 0.0 { h } else { h + rise * t };
+        // Where it crosses from one layer into the next.
         let mut cuts = [t0, t0, t0, t1];
         // Between which heights each piece lies, whatever rounding makes of its ends.
         let mut layers = [(f64::NEG_INFINITY, f64::INFINITY); 3];
@@ -89,6 +107,7 @@ impl Exponential {
                 left -= depth;
                 return true;
             }
+            // In this piece: the exponential's integral, inverted.
             let low = ha.min(hb).max(0.0);
             let climb = ha.max(hb).max(0.0) - low;
             let t = if climb == 0.0 {
@@ -97,7 +116,7 @@ impl Exponential {
                 // left = ρ(a)/rise · (1 − e^{−rise s})
                 a - (-(left * rise / (self.value * (-ha).exp())).min(1.0)).ln_1p() / rise
             } else {
-                // The same from the dense end: depth − left = ρ(b)/|rise| · (1 − e^{−|rise| s}).
+                // From the dense end: depth − left = ρ(b)/|rise| · (1 − e^{−|rise| s}).
                 b - (-((depth - left) * -rise / (self.value * (-hb).exp())).min(1.0)).ln_1p() / rise
             };
             found = Some(t.clamp(a, b));

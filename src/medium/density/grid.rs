@@ -1,10 +1,12 @@
+//! Voxels where the scene has them.
+
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use super::bricks::{BrickGrid, Cell};
 use crate::math::{Bounds, DAffine3, DVec3, Ray};
 
-/// Voxels placed in the scene.
+/// Voxels placed in the scene: a density, or a temperature.
 #[derive(Clone, Debug)]
 pub struct Grid {
     voxels: Arc<BrickGrid>,
@@ -20,17 +22,17 @@ impl Grid {
         Grid { voxels, to_index: to_world.inverse(), clip: Bounds::ALL }
     }
 
-    /// The same, with density 0 outside of a box in index space.
+    /// With density 0 outside of a box in index space.
     pub fn clipped(self, clip: Bounds) -> Self {
         Grid { clip, ..self }
     }
 
-    /// The same, carried along by a transform of the scene.
+    /// Carried along by a transform of the scene.
     pub fn moved(&self, transform: DAffine3) -> Self {
         Grid { voxels: self.voxels.clone(), to_index: self.to_index * transform.inverse(), clip: self.clip }
     }
 
-    /// The voxels.
+    /// The voxels in index space, which several grids may share.
     pub fn voxels(&self) -> &Arc<BrickGrid> {
         &self.voxels
     }
@@ -42,18 +44,18 @@ impl Grid {
         1.0 / steepest
     }
 
-    /// The value at `p`.
+    /// The interpolated value at the point `p` of the scene; 0 where it is clipped away.
     pub fn at(&self, p: DVec3) -> f64 {
         let p = self.to_index.transform_point3(p);
         if self.clip.contains(p) { self.voxels.density(p) as f64 } else { 0.0 }
     }
 
-    /// The largest value anywhere.
+    /// The largest value of a voxel, the background included.
     pub fn max(&self) -> f64 {
         self.voxels.max() as f64
     }
 
-    /// Outside of this box the value is 0.
+    /// A box in the scene outside of which the value is 0; infinite where there is none.
     pub fn support(&self) -> Bounds {
         let inside = if self.voxels.background() == 0.0 { self.voxels.support() } else { Bounds::ALL };
         let inside = inside.intersection(self.clip);
@@ -73,20 +75,23 @@ impl Grid {
         (a < b).then_some((origin, direction, a, b))
     }
 
-    /// Calls `visit(a, b, majorant)` on consecutive pieces of the ray.
+    /// Calls `visit(a, b, majorant)` on consecutive pieces of the ray between `t0` and `t1`, with an upper bound of the
+    /// value on each; nothing where it is clipped away.
     pub fn majorants(&self, ray: &Ray, t0: f64, t1: f64, mut visit: impl FnMut(f64, f64, f64) -> ControlFlow<()>) {
         if let Some((origin, direction, a, b)) = self.enter(ray, t0, t1) {
             let _ = self.voxels.majorants(origin, direction, a, b, |a, b, max, _| visit(a, b, max));
         }
     }
 
-    /// Visits the cells the ray crosses, in order; nothing where it is clipped away.
+    /// Visits the cells that the ray crosses between `t0` and `t1`, in order, with the value as a cubic of the ray's
+    /// parameter in each; nothing where it is clipped away.
     pub fn cells(&self, ray: &Ray, t0: f64, t1: f64, visit: impl FnMut(Cell) -> ControlFlow<()>) {
         if let Some((origin, direction, a, b)) = self.enter(ray, t0, t1) {
             let _ = self.voxels.walk_cells(origin, direction, a, b, visit);
         }
     }
 
+    /// ∫ρ dt between two parameters of the ray, cell by cell: exact up to rounding.
     pub(super) fn depth(&self, ray: &Ray, t0: f64, t1: f64) -> f64 {
         let mut depth = 0.0;
         self.cells(ray, t0, t1, |cell| {
@@ -96,6 +101,35 @@ impl Grid {
         depth
     }
 
+    /// The ends of all cells, and the middles of those that `is_long` says so of; see [`Density::knots`](super::Density::knots).
+    pub(super) fn knots(
+        &self,
+        ray: &Ray,
+        (t0, t1): (f64, f64),
+        is_long: impl Fn(f64) -> bool,
+        mut knot: impl FnMut(f64, f64, f64),
+    ) {
+        let mut depth = 0.0;
+        self.cells(ray, t0, t1, |cell| {
+            if !cell.tb.is_finite() {
+                return ControlFlow::Break(());
+            }
+            // A gap between cells, where the grid is clipped, adds nothing but needs its ends.
+            knot(cell.ta, depth, cell.rho_a as f64);
+            let inside = cell.integral();
+            if is_long(inside) && !cell.is_constant() {
+                // Simpson's rule over the first half, whose middle is a quarter in.
+                let quarter = self.at(ray.at(0.75 * cell.ta + 0.25 * cell.tb));
+                let half = (cell.tb - cell.ta) * (cell.rho_a as f64 + 4.0 * quarter + cell.rho_mid as f64) / 12.0;
+                knot(0.5 * (cell.ta + cell.tb), depth + half.clamp(0.0, inside), cell.rho_mid as f64);
+            }
+            depth += inside;
+            knot(cell.tb, depth, cell.rho_b as f64);
+            ControlFlow::Continue(())
+        });
+    }
+
+    /// Where between `t0` and `t1` the depth since `t0` reaches `target`; `None` if it does not.
     pub(super) fn advance(&self, ray: &Ray, t0: f64, t1: f64, target: f64) -> Option<f64> {
         let mut left = target;
         let mut found = None;

@@ -49,7 +49,7 @@ impl Noise {
         self.scale / f64::from(SAMPLES << (self.octaves - 1))
     }
 
-    /// The noise inside of these boxes; around them it ends somewhere.
+    /// Voxels of the noise inside of these boxes; around them it ends somewhere.
     ///
     /// # Errors
     /// [`Error::Limit`] where that takes too many voxels, or where the boxes are too far from the origin.
@@ -65,6 +65,8 @@ impl Noise {
                 [low.floor(), high.floor()]
             })
             .collect();
+
+        // Too many voxels, or too far away, are refused before any is made.
         let count: f64 = ranges.iter().map(|[low, high]| (*high - *low + 1.0).element_product()).sum();
         if count.is_nan() || count > MOST_BRICKS {
             return Err(Error::Limit(format!(
@@ -79,6 +81,8 @@ impl Noise {
                 "noise with voxels of {spacing:.3e} does not reach as far from the origin as its shapes: expected a larger `scale` or fewer `octaves`"
             )));
         }
+
+        // Each brick once, though boxes overlap.
         let mut bricks = Vec::with_capacity(count as usize);
         for [low, high] in ranges {
             let ([x0, y0, z0], [x1, y1, z1]) = (low.as_ivec3().to_array(), high.as_ivec3().to_array());
@@ -91,6 +95,7 @@ impl Noise {
         Ok(Grid::new(Arc::new(voxels), DAffine3::from_scale(DVec3::splat(spacing))))
     }
 
+    /// The density of a voxel: the sum of the octaves, cut off at the threshold.
     fn at_voxel(&self, voxel: [i32; 3]) -> f32 {
         let voxel = DVec3::from_array(voxel.map(f64::from));
         let (mut sum, mut total) = (0.0, 0.0);

@@ -1,4 +1,5 @@
-use super::{Deflection, HenyeyGreenstein};
+use super::term::{self, Arithmetic, Term};
+use super::{Deflection, HenyeyGreenstein, Kind, Phase, henyey_greenstein};
 use crate::math::Stream;
 
 /// Draine's phase function (Draine 2003, The Astrophysical Journal 598, Eq. 6): Henyey and Greenstein's times a
@@ -13,31 +14,76 @@ pub struct Draine {
     pub alpha: f64,
 }
 
-impl Draine {
-    pub(super) fn value(&self, deflection: Deflection) -> f64 {
-        let Draine { g, alpha } = *self;
-        let quadratic = (1.0 + alpha * deflection.cos * deflection.cos) / self.norm();
-        HenyeyGreenstein { g }.value(deflection) * quadratic
+impl From<Draine> for Phase {
+    fn from(phase: Draine) -> Phase {
+        Phase::Draine(phase)
     }
+}
 
+impl Draine {
     /// The mean of 1 + α cos² θ under Henyey–Greenstein.
     fn norm(&self) -> f64 {
         1.0 + self.alpha * (1.0 + 2.0 * self.g * self.g) / 3.0
     }
+}
+
+impl Kind for Draine {
+    fn at(&self, deflection: Deflection) -> f64 {
+        let Draine { g, alpha } = *self;
+        let quadratic = (1.0 + alpha * deflection.cos * deflection.cos) / self.norm();
+        HenyeyGreenstein { g }.at(deflection) * quadratic
+    }
 
     /// Rejection from Henyey–Greenstein, which is accepted with (1 + α cos² θ)/(1 + α): at most three tries on
     /// average, whatever g and α, and without the cancellation of the closed inverse (a quartic's root).
-    pub(super) fn deflect(&self, u: f64, stream: &mut Stream) -> Deflection {
+    fn deflect(&self, u: f64, stream: &mut Stream) -> Deflection {
         let lobe = HenyeyGreenstein { g: self.g };
-        let mut deflection = lobe.deflect(u);
+        let mut deflection = lobe.inverse(u);
         while stream.uniform() * (1.0 + self.alpha) >= 1.0 + self.alpha * deflection.cos * deflection.cos {
-            deflection = lobe.deflect(stream.uniform());
+            deflection = lobe.inverse(stream.uniform());
         }
         deflection
     }
 
     /// g (1 + α (3 + 2g²)/5)/(1 + α (1 + 2g²)/3)
-    pub(super) fn mean_cosine(&self) -> f64 {
+    fn mean_cosine(&self) -> f64 {
         self.g * (1.0 + self.alpha * (3.0 + 2.0 * self.g * self.g) / 5.0) / self.norm()
+    }
+
+    fn terms(&self, weight: f64, terms: &mut Vec<Term>) {
+        let (lobe, constant) = henyey_greenstein::Form::new(self.g);
+        let form = Form { lobe, alpha: self.alpha as f32 };
+        terms.push(Term {
+            weight: (weight * (constant / self.norm())) as f32,
+            backward: self.g < 0.0,
+            form: term::Form::Draine(form),
+            steepness: form.steepness(),
+        });
+    }
+}
+
+/// Henyey and Greenstein's function of e² times 1 + α cos² θ, which is the same for either peak.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Form {
+    lobe: henyey_greenstein::Form,
+    alpha: f32,
+}
+
+impl Form {
+    /// How fast ⅔ of its logarithm changes with the angle, at most: that of 1 + α cos² θ by α/√(1 + α).
+    fn steepness(&self) -> f64 {
+        let alpha = f64::from(self.alpha);
+        self.lobe.steepness() + 2.0 / 3.0 * alpha / (1.0 + alpha).sqrt()
+    }
+
+    /// Its value and derivative.
+    #[inline(always)]
+    pub(super) fn value<N: Arithmetic>(&self, e2: N) -> (N, N) {
+        let (inverse, lobe) = self.lobe.powers(e2);
+        // cos θ = 1 − e²/2, but for its sign.
+        let cos = e2.mul_add(N::splat(-0.5), N::splat(1.0));
+        let bent = cos.mul(N::splat(self.alpha));
+        let value = lobe.mul(cos.mul_add(bent, N::splat(1.0)));
+        (value, value.mul(inverse).mul(N::splat(self.lobe.fall())).sub(lobe.mul(bent)))
     }
 }

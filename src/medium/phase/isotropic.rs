@@ -1,16 +1,36 @@
-use super::Deflection;
+use super::term::{Form, Term};
+use super::{Deflection, Kind, Phase};
+use crate::math::Stream;
 use std::f64::consts::PI;
 
 /// Equal in all directions: p = 1/4π.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Isotropic;
 
-impl Isotropic {
-    pub(super) fn value(&self) -> f64 {
-        0.25 / PI
+/// Its value in every direction, 1/4π.
+pub(super) const VALUE: f64 = 0.25 / PI;
+
+impl From<Isotropic> for Phase {
+    fn from(phase: Isotropic) -> Phase {
+        Phase::Isotropic(phase)
+    }
+}
+
+impl Kind for Isotropic {
+    fn at(&self, _: Deflection) -> f64 {
+        VALUE
     }
 
-    pub(super) fn deflect(&self, u: f64) -> Deflection {
+    fn deflect(&self, u: f64, _: &mut Stream) -> Deflection {
         Deflection::from_ends(2.0 * (1.0 - u), 2.0 * u)
+    }
+
+    fn mean_cosine(&self) -> f64 {
+        0.0
+    }
+
+    fn terms(&self, weight: f64, terms: &mut Vec<Term>) {
+        let weight = (weight * VALUE) as f32;
+        terms.push(Term { weight, backward: false, form: Form::Even, steepness: 0.0 });
     }
 }

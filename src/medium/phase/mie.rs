@@ -78,7 +78,7 @@ mod tests {
     fn the_smallest_scatter_as_rayleigh_did() {
         for cos in [-1.0f64, -0.5, 0.0, 0.3, 1.0] {
             let after = DVec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
-            let found = droplets(1e-3).between(DVec3::Z, after);
+            let found = droplets(1e-3).value(DVec3::Z, after);
             let rayleigh = 3.0 / (16.0 * std::f64::consts::PI) * (1.0 + cos * cos);
             assert!((found / rayleigh - 1.0).abs() < 2e-3, "{cos}: {found}, not {rayleigh}");
         }

@@ -1,9 +1,11 @@
-use super::{Deflection, Phase};
+use super::term::Term;
+use super::{Deflection, Kind, Phase};
 use crate::math::Stream;
 
 /// A weighted sum of phase functions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mixture {
+    /// Weights that sum to one, and phase functions that are no mixtures.
     lobes: Vec<(f64, Phase)>,
 }
 
@@ -23,17 +25,28 @@ impl Mixture {
         Mixture { lobes: flat }
     }
 
-    /// The weights and phase functions, no mixtures themselves; the weights sum to one.
-    pub fn lobes(&self) -> &[(f64, Phase)] {
-        &self.lobes
+    /// Its phase function, if it is a sum of only one.
+    pub(super) fn only(&self) -> Option<&Phase> {
+        match &self.lobes[..] {
+            [(_, phase)] => Some(phase),
+            _ => None,
+        }
     }
+}
 
-    pub(super) fn value(&self, deflection: Deflection) -> f64 {
-        self.lobes.iter().map(|(weight, phase)| weight * phase.value(deflection)).sum()
+impl From<Mixture> for Phase {
+    fn from(phase: Mixture) -> Phase {
+        Phase::Mixture(phase)
+    }
+}
+
+impl Kind for Mixture {
+    fn at(&self, deflection: Deflection) -> f64 {
+        self.lobes.iter().map(|(weight, phase)| weight * phase.at(deflection)).sum()
     }
 
     /// Reuses what the choice of the lobe leaves of `u`.
-    pub(super) fn deflect(&self, u: f64, stream: &mut Stream) -> Deflection {
+    fn deflect(&self, u: f64, stream: &mut Stream) -> Deflection {
         let mut rest = u;
         for (weight, phase) in &self.lobes {
             if rest < *weight {
@@ -48,7 +61,11 @@ impl Mixture {
         }
     }
 
-    pub(super) fn mean_cosine(&self) -> f64 {
-        self.lobes.iter().map(|(weight, phase)| weight * phase.mean_cosine()).sum()
+    fn mean_cosine(&self) -> f64 {
+        self.lobes.iter().map(|(weight, phase)| weight * Kind::mean_cosine(phase)).sum()
+    }
+
+    fn terms(&self, weight: f64, terms: &mut Vec<Term>) {
+        self.lobes.iter().for_each(|(share, phase)| phase.terms(weight * share, terms));
     }
 }

@@ -2,7 +2,13 @@
 //!
 //! All are normalised over the sphere, and depend on the cosine between the direction light travels
 //! in before and after scattering; *forward*, the unchanged direction, has cosine +1.
-//! Sampling draws from the phase function itself, so its density is its value.
+//!
+//! [`Phase::value`], [`Phase::density`] and [`Phase::sample`] agree: `sample` draws directions whose density per
+//! steradian is `density`, and says it with each; since all kinds are drawn from the phase function itself, that is
+//! `value`.
+//!
+//! A kind is one file: a struct that answers what `Kind` asks. It is listed in [`Phase`], with its terms in
+//! `term::Form`, and where scene files are read; nowhere else are kinds told apart.
 
 mod draine;
 mod henyey_greenstein;
@@ -11,6 +17,7 @@ mod mie;
 mod mixture;
 mod rayleigh;
 mod schlick;
+mod term;
 
 pub use draine::Draine;
 pub use henyey_greenstein::HenyeyGreenstein;
@@ -19,6 +26,7 @@ pub use mie::{LARGEST_DIAMETER, mie};
 pub use mixture::Mixture;
 pub use rayleigh::Rayleigh;
 pub use schlick::Schlick;
+pub(crate) use term::{Arithmetic, Term};
 
 use crate::math::{DVec3, Frame, Stream};
 use std::f64::consts::TAU;
@@ -28,7 +36,7 @@ use std::f64::consts::TAU;
 pub enum Phase {
     /// Equal in all directions.
     Isotropic(Isotropic),
-    /// Henyey–Greenstein.
+    /// Henyey and Greenstein's, with one parameter: the mean cosine.
     HenyeyGreenstein(HenyeyGreenstein),
     /// Schlick's rational approximation of Henyey–Greenstein.
     Schlick(Schlick),
@@ -40,20 +48,144 @@ pub enum Phase {
     Mixture(Mixture),
 }
 
+/// The narrowest lobe that terms tell apart, by its |g|: far narrower than any direction in `f32` can tell.
+const NARROWEST: f64 = 1.0 - 1e-12;
+
+/// What every kind of phase function answers.
+trait Kind {
+    /// Its value per steradian for light deflected so.
+    fn at(&self, deflection: Deflection) -> f64;
+
+    /// A deflection drawn from it, for `u` in [0, 1); more numbers come from the stream.
+    fn deflect(&self, u: f64, stream: &mut Stream) -> Deflection;
+
+    /// The mean cosine of the deflection.
+    fn mean_cosine(&self) -> f64;
+
+    /// Adds its terms, multiplied by `weight`.
+    fn terms(&self, weight: f64, terms: &mut Vec<Term>);
+}
+
+impl Kind for Phase {
+    fn at(&self, deflection: Deflection) -> f64 {
+        match self {
+            Phase::Isotropic(p) => p.at(deflection),
+            Phase::HenyeyGreenstein(p) => p.at(deflection),
+            Phase::Schlick(p) => p.at(deflection),
+            Phase::Rayleigh(p) => p.at(deflection),
+            Phase::Draine(p) => p.at(deflection),
+            Phase::Mixture(p) => p.at(deflection),
+        }
+    }
+
+    fn deflect(&self, u: f64, stream: &mut Stream) -> Deflection {
+        match self {
+            Phase::Isotropic(p) => p.deflect(u, stream),
+            Phase::HenyeyGreenstein(p) => p.deflect(u, stream),
+            Phase::Schlick(p) => p.deflect(u, stream),
+            Phase::Rayleigh(p) => p.deflect(u, stream),
+            Phase::Draine(p) => p.deflect(u, stream),
+            Phase::Mixture(p) => p.deflect(u, stream),
+        }
+    }
+
+    fn mean_cosine(&self) -> f64 {
+        match self {
+            Phase::Isotropic(p) => p.mean_cosine(),
+            Phase::HenyeyGreenstein(p) => p.mean_cosine(),
+            Phase::Schlick(p) => p.mean_cosine(),
+            Phase::Rayleigh(p) => p.mean_cosine(),
+            Phase::Draine(p) => p.mean_cosine(),
+            Phase::Mixture(p) => p.mean_cosine(),
+        }
+    }
+
+    fn terms(&self, weight: f64, terms: &mut Vec<Term>) {
+        match self {
+            Phase::Isotropic(p) => p.terms(weight, terms),
+            Phase::HenyeyGreenstein(p) => p.terms(weight, terms),
+            Phase::Schlick(p) => p.terms(weight, terms),
+            Phase::Rayleigh(p) => p.terms(weight, terms),
+            Phase::Draine(p) => p.terms(weight, terms),
+            Phase::Mixture(p) => p.terms(weight, terms),
+        }
+    }
+}
+
+impl Phase {
+    /// The value per steradian for light that travelled along `before` and goes on along `after`, both of length 1.
+    pub fn value(&self, before: DVec3, after: DVec3) -> f64 {
+        match self {
+            Phase::Isotropic(_) => isotropic::VALUE,
+            _ => self.at(Deflection::between(before, after)),
+        }
+    }
+
+    /// The density per steradian with which [`Phase::sample`] draws `after` for light that travelled along `before`:
+    /// the phase function's value.
+    pub fn density(&self, before: DVec3, after: DVec3) -> f64 {
+        self.value(before, after)
+    }
+
+    /// A new direction of travel for light that travelled along `before`, and its density per steradian, which is
+    /// [`Phase::density`] of the two and the phase function's value.
+    pub fn sample(&self, before: DVec3, stream: &mut Stream) -> (DVec3, f64) {
+        let [u, turn] = stream.uniform2();
+        let deflection = self.deflect(u, stream);
+        let sin = (deflection.below_one * deflection.above_minus_one).max(0.0).sqrt();
+        let (s, c) = (TAU * turn).sin_cos();
+        let after = Frame::around(before).to_world(DVec3::new(sin * c, sin * s, deflection.cos));
+        (after.normalize(), self.at(deflection))
+    }
+
+    /// The mean cosine of the angle between the directions before and after, from −1 to 1.
+    pub fn mean_cosine(&self) -> f64 {
+        Kind::mean_cosine(self)
+    }
+
+    /// Whether it is the same for all directions.
+    pub fn is_even(&self) -> bool {
+        matches!(self.only(), Phase::Isotropic(_))
+    }
+
+    /// The g of the Henyey–Greenstein function that it is, if it is one.
+    pub fn henyey_greenstein(&self) -> Option<f64> {
+        match self.only() {
+            Phase::HenyeyGreenstein(p) => Some(p.g),
+            _ => None,
+        }
+    }
+
+    /// Of a mixture of one, that one.
+    fn only(&self) -> &Phase {
+        match self {
+            Phase::Mixture(mixture) => mixture.only().unwrap_or(self),
+            _ => self,
+        }
+    }
+
+    /// The terms whose sum it is.
+    pub(crate) fn sum(&self) -> Vec<Term> {
+        let mut terms = Vec::new();
+        self.terms(1.0, &mut terms);
+        terms
+    }
+}
+
 /// The cosine of a scattering angle with its distances to both ends, none of which cancels.
 #[derive(Clone, Copy, Debug)]
-pub struct Deflection {
-    /// cos θ.
-    pub cos: f64,
-    /// 1 − cos θ.
-    pub below_one: f64,
-    /// 1 + cos θ.
-    pub above_minus_one: f64,
+struct Deflection {
+    /// The cosine of the angle, cos θ; forward +1.
+    cos: f64,
+    /// Its distance to +1, 1 − cos θ.
+    below_one: f64,
+    /// Its distance to −1, 1 + cos θ.
+    above_minus_one: f64,
 }
 
 impl Deflection {
     /// Between two unit directions of travel.
-    pub fn between(before: DVec3, after: DVec3) -> Self {
+    fn between(before: DVec3, after: DVec3) -> Self {
         let cos = before.dot(after);
         if cos >= 0.0 {
             let v = 0.5 * (after - before).length_squared();
@@ -70,65 +202,9 @@ impl Deflection {
         Deflection { cos, below_one, above_minus_one }
     }
 
-    /// The same angle measured from the opposite direction.
+    /// The angle measured from the opposite direction.
     fn mirrored(self) -> Self {
         Deflection { cos: -self.cos, below_one: self.above_minus_one, above_minus_one: self.below_one }
-    }
-}
-
-impl Phase {
-    /// Its value per steradian for light deflected so.
-    pub fn value(&self, deflection: Deflection) -> f64 {
-        match self {
-            Phase::Isotropic(p) => p.value(),
-            Phase::HenyeyGreenstein(p) => p.value(deflection),
-            Phase::Schlick(p) => p.value(deflection),
-            Phase::Rayleigh(p) => p.value(deflection),
-            Phase::Draine(p) => p.value(deflection),
-            Phase::Mixture(p) => p.value(deflection),
-        }
-    }
-
-    /// Its value for light that travelled along `before` and goes on along `after`.
-    pub fn between(&self, before: DVec3, after: DVec3) -> f64 {
-        match self {
-            Phase::Isotropic(p) => p.value(),
-            _ => self.value(Deflection::between(before, after)),
-        }
-    }
-
-    /// A deflection drawn from it, for `u` in [0, 1).
-    fn deflect(&self, u: f64, stream: &mut Stream) -> Deflection {
-        match self {
-            Phase::Isotropic(p) => p.deflect(u),
-            Phase::HenyeyGreenstein(p) => p.deflect(u),
-            Phase::Schlick(p) => p.deflect(u),
-            Phase::Rayleigh(p) => p.deflect(u),
-            Phase::Draine(p) => p.deflect(u, stream),
-            Phase::Mixture(p) => p.deflect(u, stream),
-        }
-    }
-
-    /// A new direction of travel for light that travelled along `before`, and its density per
-    /// steradian, which is the phase function's value.
-    pub fn sample(&self, before: DVec3, stream: &mut Stream) -> (DVec3, f64) {
-        let [u, turn] = stream.uniform2();
-        let deflection = self.deflect(u, stream);
-        let sin = (deflection.below_one * deflection.above_minus_one).max(0.0).sqrt();
-        let (s, c) = (TAU * turn).sin_cos();
-        let after = Frame::around(before).to_world(DVec3::new(sin * c, sin * s, deflection.cos));
-        (after.normalize(), self.value(deflection))
-    }
-
-    /// The mean cosine of the deflection.
-    pub fn mean_cosine(&self) -> f64 {
-        match self {
-            Phase::Isotropic(_) | Phase::Rayleigh(_) => 0.0,
-            Phase::HenyeyGreenstein(p) => p.g,
-            Phase::Schlick(p) => p.mean_cosine(),
-            Phase::Draine(p) => p.mean_cosine(),
-            Phase::Mixture(p) => p.mean_cosine(),
-        }
     }
 }
 
@@ -191,7 +267,7 @@ mod tests {
                 let x = low + (high - low) * (i as f64 + 0.5) / n as f64;
                 let v = x.exp();
                 let d = if forward { Deflection::from_ends(v, 2.0 - v) } else { Deflection::from_ends(2.0 - v, v) };
-                sum += TAU * f(d.cos) * phase.value(d) * v * (high - low) / n as f64;
+                sum += TAU * f(d.cos) * phase.at(d) * v * (high - low) / n as f64;
             }
         }
         sum
@@ -208,6 +284,63 @@ mod tests {
         }
     }
 
+    impl Arithmetic for f32 {
+        fn splat(x: f32) -> Self {
+            x
+        }
+        fn sub(self, b: Self) -> Self {
+            self - b
+        }
+        fn mul(self, b: Self) -> Self {
+            self * b
+        }
+        fn mul_add(self, b: Self, c: Self) -> Self {
+            f32::mul_add(self, b, c)
+        }
+        fn rsqrt(self) -> Self {
+            self.sqrt().recip()
+        }
+    }
+
+    /// Terms add up to the value, their derivatives to its change, which is no steeper than they say.
+    #[test]
+    fn terms_are_what_they_stand_for() {
+        for (name, phase, _) in kinds() {
+            let terms = phase.sum();
+            let steepest = terms.iter().map(|term| term.steepness).fold(0.0, f64::max);
+            let mirrored = phase.mean_cosine() < 0.0;
+            // From v = 1 − cos θ, or its mirror image: whichever end is sharper.
+            let deflection = |v: f64| {
+                let d = Deflection::from_ends(v, 2.0 - v);
+                if mirrored { d.mirrored() } else { d }
+            };
+            for i in 0..200 {
+                let v = (1.99f64.ln() - 0.125 * i as f64).exp();
+                let (d, expected) = (deflection(v), phase.at(deflection(v)));
+                let (mut value, mut by_cosine) = (0.0, 0.0);
+                for term in &terms {
+                    let (end, sign) = if term.backward { (d.above_minus_one, 2.0) } else { (d.below_one, -2.0) };
+                    let (function, derivative) = term.value((2.0 * end) as f32);
+                    value += f64::from(function * term.weight);
+                    by_cosine += sign * f64::from(derivative * term.weight);
+                }
+                assert!((value / expected - 1.0).abs() < 2e-5, "{name} at {d:?}: {value}, not {expected}");
+
+                // The change of the value with ln v, by central differences.
+                let step = 1e-4;
+                let change =
+                    (phase.at(deflection(v * (1.0 + step))) - phase.at(deflection(v * (1.0 - step)))) / (2.0 * step);
+                let found = if mirrored { by_cosine * v } else { -by_cosine * v };
+                let off = (found - change).abs();
+                assert!(off < 2e-3 * change.abs() + 1e-6 * expected, "{name} at {d:?}: {found}, not {change}");
+
+                let sin = (d.below_one * d.above_minus_one).max(0.0).sqrt();
+                let steepness = 2.0 / 3.0 * (by_cosine * sin / expected).abs();
+                assert!(steepness <= steepest * 1.001 + 1e-6, "{name} at {d:?}: {steepness} beyond {steepest}");
+            }
+        }
+    }
+
     /// The share of samples below each of 32 deflections of equal probability: χ² against uniform,
     /// with the bound of one failure in a million over all kinds.
     #[test]
@@ -219,7 +352,7 @@ mod tests {
             let mirrored = phase.mean_cosine() < 0.0;
             let value = |v: f64| {
                 let d = Deflection::from_ends(v, 2.0 - v);
-                phase.value(if mirrored { d.mirrored() } else { d })
+                phase.at(if mirrored { d.mirrored() } else { d })
             };
             let n = 40_000;
             let (low, high) = (-40f64, 2f64.ln());
@@ -236,6 +369,7 @@ mod tests {
                 let (after, density) = phase.sample(before, &mut stream);
                 assert!(density.is_finite() && density > 0.0, "{name}: density {density}");
                 assert!((after.length() - 1.0).abs() < 1e-12);
+                assert!((density / phase.density(before, after) - 1.0).abs() < 1e-6, "{name}: density {density}");
                 let d = Deflection::between(before, after);
                 let v = if mirrored { d.above_minus_one } else { d.below_one };
                 let x = ((v.max(1e-300).ln() - low) / step).clamp(0.0, n as f64 - 1e-6);
@@ -258,7 +392,7 @@ mod tests {
                 let d = phase.deflect(u, &mut stream);
                 assert!(d.cos.abs() <= 1.0 && d.below_one >= 0.0 && d.above_minus_one >= 0.0, "{name} at {u}: {d:?}");
                 assert!((d.below_one + d.above_minus_one - 2.0).abs() < 1e-9, "{name} at {u}: {d:?}");
-                assert!(phase.value(d).is_finite(), "{name} at {u}");
+                assert!(phase.at(d).is_finite(), "{name} at {u}");
             }
         }
     }

@@ -1,21 +1,45 @@
-use super::Deflection;
+use super::term::{Arithmetic, Form, Term};
+use super::{Deflection, Kind, Phase};
+use crate::math::Stream;
 use std::f64::consts::PI;
 
 /// Rayleigh's phase function, p = 3/(16π) (1 + cos² θ).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rayleigh;
 
-impl Rayleigh {
-    pub(super) fn value(&self, deflection: Deflection) -> f64 {
+impl From<Rayleigh> for Phase {
+    fn from(phase: Rayleigh) -> Phase {
+        Phase::Rayleigh(phase)
+    }
+}
+
+impl Kind for Rayleigh {
+    fn at(&self, deflection: Deflection) -> f64 {
         3.0 / (16.0 * PI) * (1.0 + deflection.cos * deflection.cos)
     }
 
     /// The root of c³ + 3c = 8u − 4: with A³ = a + √(a² + 1) and a = 4u − 2, c = A − 1/A.
-    pub(super) fn deflect(&self, u: f64) -> Deflection {
+    fn deflect(&self, u: f64, _: &mut Stream) -> Deflection {
         let a = 4.0 * u - 2.0;
         // The larger of the two conjugate roots; the other one cancels.
         let root = (a.abs() + (a * a + 1.0).sqrt()).cbrt();
         let c = ((root - 1.0 / root) * a.signum()).clamp(-1.0, 1.0);
         Deflection::from_ends(1.0 - c, 1.0 + c)
     }
+
+    fn mean_cosine(&self) -> f64 {
+        0.0
+    }
+
+    fn terms(&self, weight: f64, terms: &mut Vec<Term>) {
+        let weight = (weight * (3.0 / 16.0 / PI)) as f32;
+        terms.push(Term { weight, backward: false, form: Form::Rayleigh, steepness: 0.5 });
+    }
+}
+
+/// 1 + cos² θ with cos θ = 1 − e²/2, and its derivative by e².
+#[inline(always)]
+pub(super) fn value<N: Arithmetic>(e2: N) -> (N, N) {
+    let cos = e2.mul_add(N::splat(-0.5), N::splat(1.0));
+    (cos.mul_add(cos, N::splat(1.0)), cos.mul(N::splat(-1.0)))
 }

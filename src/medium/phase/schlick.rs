@@ -1,4 +1,6 @@
-use super::Deflection;
+use super::term::{self, Arithmetic, Term};
+use super::{Deflection, Kind, NARROWEST, Phase};
+use crate::math::Stream;
 use std::f64::consts::PI;
 
 /// Schlick's rational phase function, p = (1 − k²)/(4π (1 − k cos θ)²), with θ = 0 forward
@@ -9,15 +11,21 @@ pub struct Schlick {
     pub k: f64,
 }
 
-impl Schlick {
-    pub(super) fn value(&self, deflection: Deflection) -> f64 {
+impl From<Schlick> for Phase {
+    fn from(phase: Schlick) -> Phase {
+        Phase::Schlick(phase)
+    }
+}
+
+impl Kind for Schlick {
+    fn at(&self, deflection: Deflection) -> f64 {
         let k = self.k.abs();
         let from_peak = if self.k >= 0.0 { deflection.below_one } else { deflection.above_minus_one };
         let d = (1.0 - k) + k * from_peak;
         (1.0 - k) * (1.0 + k) / (4.0 * PI * d * d)
     }
 
-    pub(super) fn deflect(&self, u: f64) -> Deflection {
+    fn deflect(&self, u: f64, _: &mut Stream) -> Deflection {
         let k = self.k.abs();
         let d = (1.0 - k) + 2.0 * k * u;
         let peak_forward = Deflection::from_ends(2.0 * (1.0 - u) * (1.0 - k) / d, 2.0 * u * (1.0 + k) / d);
@@ -25,12 +33,47 @@ impl Schlick {
     }
 
     /// 1/k + (1 − k²)/(2k²) ln((1 − k)/(1 + k)); its series 2k/3 + 2k³/15 + 2k⁵/35 near 0.
-    pub(super) fn mean_cosine(&self) -> f64 {
+    fn mean_cosine(&self) -> f64 {
         let k = self.k;
         if k.abs() < 1e-2 {
             k * (2.0 / 3.0 + k * k * (2.0 / 15.0 + k * k * (2.0 / 35.0)))
         } else {
             1.0 / k + (1.0 - k * k) / (2.0 * k * k) * ((-k).ln_1p() - k.ln_1p())
         }
+    }
+
+    fn terms(&self, weight: f64, terms: &mut Vec<Term>) {
+        let k = self.k.abs().min(NARROWEST);
+        let form = Form { base: (1.0 - k) as f32, slope: (0.5 * k) as f32 };
+        terms.push(Term {
+            weight: (weight * (0.25 / PI * (1.0 - k) * (1.0 + k))) as f32,
+            backward: self.k < 0.0,
+            form: term::Form::Schlick(form),
+            steepness: form.steepness(),
+        });
+    }
+}
+
+/// (1 − |k| + |k| e²/2)^{−2}.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Form {
+    base: f32,
+    slope: f32,
+}
+
+impl Form {
+    /// How fast ⅔ of its logarithm changes with the angle, at most: (4/3) |k|/√(1 − k²).
+    fn steepness(&self) -> f64 {
+        let k = 2.0 * f64::from(self.slope);
+        4.0 / 3.0 * k.abs() / (1.0 - k * k).sqrt()
+    }
+
+    /// Its value and derivative.
+    #[inline(always)]
+    pub(super) fn value<N: Arithmetic>(&self, e2: N) -> (N, N) {
+        let y = e2.mul_add(N::splat(self.slope), N::splat(self.base)).rsqrt();
+        let y2 = y.mul(y);
+        let value = y2.mul(y2);
+        (value, value.mul(y2).mul(N::splat(-2.0 * self.slope)))
     }
 }

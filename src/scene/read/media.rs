@@ -2,24 +2,22 @@
 
 use super::{Either, Names, all, either, transform::transform};
 use crate::math::{DAffine3, DVec3, Rgb};
-use crate::medium::phase::LARGEST_DIAMETER;
+use crate::medium::density::{Exponential, Noise};
+use crate::medium::phase::{HenyeyGreenstein, Isotropic, LARGEST_DIAMETER, Mixture, Phase, Rayleigh, Schlick, mie};
 use crate::medium::presets::PRESETS;
-use crate::scene::build;
-use crate::scene::description::{Density, Interpolation, Medium, MediumEmission, Negative, Phase, Unit};
+use crate::scene::description::{Density, Interpolation, Medium, MediumEmission, Negative, Unit};
 use crate::scene::table::{Item, Read, Table};
 
 pub(super) fn medium(name: &str, item: &Item, names: &Names, scene_unit: Unit) -> Read<Medium> {
     let table = item.table()?;
-    let phase = table.get_or("phase", Phase::Isotropic, |item| phase(&item.table()?, false));
-    let mean_cosine = phase.as_ref().map_or(0.0, |phase| build::phase(phase).mean_cosine());
+    let phase = table.get_or("phase", Isotropic.into(), |item| phase(&item.table()?, false));
+    let mean_cosine = phase.as_ref().map_or(0.0, Phase::mean_cosine);
     let coefficients = coefficients(&table, mean_cosine, scene_unit);
     let density = table.get_or("density", Density::Constant { value: 1.0 }, |item| density(&item.table()?, names));
     let emission = table.get("emission", |item| emission(&item.table()?));
     table.finish()?;
     let ((sigma_s, sigma_a), density, emission) = (coefficients?, density?, emission?);
-    if let (Some(MediumEmission::BlackBody { temperature, .. }), false) =
-        (&emission, matches!(density, Density::Vdb { .. }))
-    {
+    if let (Some(MediumEmission::BlackBody { temperature, .. }), false) = (&emission, density.grids().is_some()) {
         let message = "names a second grid of the density's file; expected a `density` of type \"vdb\"";
         return Err(item.fail_about(&temperature.place, message));
     }
@@ -82,37 +80,18 @@ fn coefficients(table: &Table, mean_cosine: f64, scene_unit: Unit) -> Read<(Rgb,
 
 /// A phase function; a lobe of a mixture is none itself and has a weight beside its own keys.
 fn phase(table: &Table, lobe: bool) -> Read<Phase> {
-    #[derive(Clone, Copy)]
-    enum Kind {
-        Isotropic,
-        HenyeyGreenstein,
-        Schlick,
-        Rayleigh,
-        Mie,
-        Mixture,
-    }
-    let kinds = [
-        ("isotropic", Kind::Isotropic),
-        ("hg", Kind::HenyeyGreenstein),
-        ("schlick", Kind::Schlick),
-        ("rayleigh", Kind::Rayleigh),
-        ("mie", Kind::Mie),
-        ("mixture", Kind::Mixture),
+    type Reader = fn(&Table) -> Read<Phase>;
+    let kinds: &[(&str, Reader)] = &[
+        ("isotropic", |_| Ok(Isotropic.into())),
+        ("hg", |table| Ok(HenyeyGreenstein { g: table.require("g", |item| item.between(-1.0, 1.0))? }.into())),
+        ("schlick", |table| Ok(Schlick { k: table.require("k", |item| item.between(-1.0, 1.0))? }.into())),
+        ("rayleigh", |_| Ok(Rayleigh.into())),
+        ("mie", |table| Ok(mie(table.require("diameter", |item| item.above_up_to(0.0, LARGEST_DIAMETER))?).into())),
+        ("mixture", |table| table.require("lobes", mixture)),
     ];
-    let kinds = if lobe { &kinds[..5] } else { &kinds };
-    let phase = match table.require("type", |item| item.choice(kinds, &[]))? {
-        Kind::Isotropic => Ok(Phase::Isotropic),
-        Kind::Rayleigh => Ok(Phase::Rayleigh),
-        Kind::HenyeyGreenstein => {
-            table.require("g", |item| item.between(-1.0, 1.0)).map(|g| Phase::HenyeyGreenstein { g })
-        }
-        Kind::Schlick => table.require("k", |item| item.between(-1.0, 1.0)).map(|k| Phase::Schlick { k }),
-        Kind::Mie => {
-            let diameter = table.require("diameter", |item| item.above_up_to(0.0, LARGEST_DIAMETER));
-            diameter.map(|diameter| Phase::Mie { diameter })
-        }
-        Kind::Mixture => table.require("lobes", mixture),
-    };
+    let kinds = if lobe { &kinds[..kinds.len() - 1] } else { kinds };
+    let read = table.require("type", |item| item.choice(kinds, &[]))?;
+    let phase = read(table);
     table.finish()?;
     phase
 }
@@ -131,81 +110,72 @@ fn mixture(item: &Item) -> Read<Phase> {
     if (sum - 1.0).abs() > TOLERANCE {
         return Err(item.fail(format!("the weights sum to {sum}; expected 1")));
     }
-    Ok(Phase::Mixture(lobes.into_iter().map(|(weight, phase)| (weight / sum, phase)).collect()))
+    Ok(Mixture::new(lobes.into_iter().map(|(weight, phase)| (weight / sum, phase)).collect()).into())
 }
 
 /// More octaves would be finer than any grid of voxels that fits into memory.
 const MOST_OCTAVES: i128 = 12;
 
 fn density(table: &Table, names: &Names) -> Read<Density> {
-    #[derive(Clone, Copy)]
-    enum Kind {
-        Constant,
-        Vdb,
-        Array,
-        Exponential,
-        Noise,
-    }
-    let kind = table.require("type", |item| {
-        let kinds = [
-            ("constant", Kind::Constant),
-            ("vdb", Kind::Vdb),
-            ("array", Kind::Array),
-            ("exponential", Kind::Exponential),
-            ("noise", Kind::Noise),
-        ];
-        item.choice(&kinds, &[])
-    })?;
-    match kind {
-        Kind::Constant => {
-            let value = table.get_or("value", 1.0, Item::non_negative);
-            table.finish()?;
-            Ok(Density::Constant { value: value? })
-        }
-        Kind::Vdb => {
-            let file = table.require("file", |item| item.file(names.folder, &["vdb"]));
-            let grid = table.get("grid", Item::located_string);
-            let transform = table.get_or("transform", DAffine3::IDENTITY, transform);
-            let interpolation = table.get_or("interpolation", Interpolation::Trilinear, |item| {
-                let options = [("trilinear", Interpolation::Trilinear), ("nearest", Interpolation::Nearest)];
-                item.choice(&options, &[])
-            });
-            let negative = table.get_or("negative", Negative::Error, |item| {
-                item.choice(&[("error", Negative::Error), ("zero", Negative::Zero)], &[])
-            });
-            table.finish()?;
-            Ok(Density::Vdb {
-                file: file?,
-                grid: grid?,
-                transform: transform?,
-                interpolation: interpolation?,
-                negative: negative?,
-            })
-        }
-        Kind::Array => {
-            let file = table.require("file", |item| item.file(names.folder, &["npy"]));
-            let corners = super::corners(table);
-            table.finish()?;
-            let (min, max) = corners?;
-            Ok(Density::Array { file: file?, min, max })
-        }
-        Kind::Exponential => {
-            let origin = table.get_or("origin", DVec3::ZERO, Item::vector);
-            let up = table.get_or("up", DVec3::Y, Item::nonzero_vector);
-            let scale_height = table.require("scale_height", Item::length);
-            let value = table.get_or("value", 1.0, Item::non_negative);
-            table.finish()?;
-            Ok(Density::Exponential { origin: origin?, up: up?, scale_height: scale_height?, value: value? })
-        }
-        Kind::Noise => {
-            let scale = table.get_or("scale", 1.0, Item::length);
-            let octaves = table.get_or("octaves", 4, |item| item.integer(1, MOST_OCTAVES));
-            let threshold = table.get_or("threshold", 0.5, |item| item.half_open(0.0, 1.0));
-            let seed = table.get_or("seed", 0, |item| item.u32(0));
-            table.finish()?;
-            Ok(Density::Noise { scale: scale?, octaves: octaves?, threshold: threshold?, seed: seed? })
-        }
-    }
+    type Reader = fn(&Table, &Names) -> Read<Density>;
+    let kinds: [(&str, Reader); 5] =
+        [("constant", constant), ("vdb", vdb), ("array", array), ("exponential", exponential), ("noise", noise)];
+    let read = table.require("type", |item| item.choice(&kinds, &[]))?;
+    read(table, names)
+}
+
+fn constant(table: &Table, _: &Names) -> Read<Density> {
+    let value = table.get_or("value", 1.0, Item::non_negative);
+    table.finish()?;
+    Ok(Density::Constant { value: value? })
+}
+
+fn vdb(table: &Table, names: &Names) -> Read<Density> {
+    let file = table.require("file", |item| item.file(names.folder, &["vdb"]));
+    let grid = table.get("grid", Item::located_string);
+    let transform = table.get_or("transform", DAffine3::IDENTITY, transform);
+    let interpolation = table.get_or("interpolation", Interpolation::Trilinear, |item| {
+        let options = [("trilinear", Interpolation::Trilinear), ("nearest", Interpolation::Nearest)];
+        item.choice(&options, &[])
+    });
+    let negative = table.get_or("negative", Negative::Error, |item| {
+        item.choice(&[("error", Negative::Error), ("zero", Negative::Zero)], &[])
+    });
+    table.finish()?;
+    Ok(Density::Vdb {
+        file: file?,
+        grid: grid?,
+        transform: transform?,
+        interpolation: interpolation?,
+        negative: negative?,
+    })
+}
+
+fn array(table: &Table, names: &Names) -> Read<Density> {
+    let file = table.require("file", |item| item.file(names.folder, &["npy"]));
+    let corners = super::corners(table);
+    table.finish()?;
+    let (min, max) = corners?;
+    Ok(Density::Array { file: file?, min, max })
+}
+
+fn exponential(table: &Table, _: &Names) -> Read<Density> {
+    let origin = table.get_or("origin", DVec3::ZERO, Item::vector);
+    let up = table.get_or("up", DVec3::Y, Item::nonzero_vector);
+    let scale_height = table.require("scale_height", Item::length);
+    let value = table.get_or("value", 1.0, Item::non_negative);
+    table.finish()?;
+    let air = Exponential { origin: origin?, up: up?, scale_height: scale_height?, value: value? };
+    Ok(Density::Exponential(air))
+}
+
+fn noise(table: &Table, _: &Names) -> Read<Density> {
+    let scale = table.get_or("scale", 1.0, Item::length);
+    let octaves = table.get_or("octaves", 4, |item| item.integer(1, MOST_OCTAVES));
+    let threshold = table.get_or("threshold", 0.5, |item| item.half_open(0.0, 1.0));
+    let seed = table.get_or("seed", 0, |item| item.u32(0));
+    table.finish()?;
+    Ok(Density::Noise(Noise { scale: scale?, octaves: octaves?, threshold: threshold?, seed: seed? }))
 }
 
 fn emission(table: &Table) -> Read<MediumEmission> {

@@ -2,8 +2,8 @@
 
 use crate::math::Rgb;
 use crate::scene::description::{
-    Density, Description, EnvironmentSource, Light, LightKind, MaterialKind, Medium, MediumEmission, Method, Place,
-    Shape, Strength,
+    Description, EnvironmentSource, Light, LightKind, MaterialKind, Medium, MediumEmission, Method, Place, Shape,
+    Strength,
 };
 
 pub(super) fn warnings(scene: &Description) -> Vec<String> {
@@ -65,7 +65,7 @@ fn cold_media(scene: &Description, warnings: &mut Vec<String>) {
 fn light_from_infinity(scene: &Description, warnings: &mut Vec<String>) {
     let Some(world) = &scene.world.medium else { return };
     let medium = &scene.media[world.value];
-    let thick = matches!(medium.density, Density::Constant { value } if value > 0.0);
+    let thick = medium.density.even().is_some_and(|value| value > 0.0);
     if !thick || medium.sigma_t() == Rgb::ZERO {
         return;
     }

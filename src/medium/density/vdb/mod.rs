@@ -41,11 +41,11 @@ pub struct GridInfo {
     pub name: String,
     /// The tree's type, as `Tree_float_5_4_3`.
     pub tree_type: String,
-    /// What the values mean.
+    /// What the values mean: densities, distances or velocities.
     pub class: GridClass,
     /// Whether values are stored in 16 bits.
     pub half: bool,
-    /// How blocks are stored.
+    /// How its blocks are compressed.
     pub compression: Compression,
     /// The index of the grid whose tree this one shares.
     pub instance_of: Option<usize>,
@@ -64,7 +64,7 @@ pub struct GridInfo {
 /// What a grid's values mean.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum GridClass {
-    /// Not said.
+    /// The file does not say what they mean.
     Unknown,
     /// Signed distances to a surface.
     LevelSet,
@@ -101,11 +101,11 @@ pub enum MetaValue {
 
 /// A grid with its voxels.
 pub struct Grid {
-    /// The file it is from.
+    /// The path of the file it is from.
     pub path: PathBuf,
-    /// Its name.
+    /// The name it has in the file.
     pub name: String,
-    /// What the values mean.
+    /// What the values mean: densities, distances or velocities.
     pub class: GridClass,
     /// The value where there is neither leaf nor tile.
     pub background: f32,
@@ -118,7 +118,7 @@ pub struct Grid {
 
 /// A block of 8³ voxels. The voxel (x, y, z) has the offset 64 x + 8 y + z.
 pub struct Leaf {
-    /// The lowest voxel.
+    /// The lowest voxel along each axis.
     pub origin: [i32; 3],
     /// Which voxels are active, 64 to a word by offset.
     pub active: [u64; 8],
@@ -129,7 +129,7 @@ pub struct Leaf {
 /// A cube of voxels of one value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tile {
-    /// The lowest voxel.
+    /// The lowest voxel along each axis.
     pub origin: [i32; 3],
     /// Voxels along an edge: 8, 128 or 4096.
     pub size: i32,
@@ -156,7 +156,7 @@ struct TileNode {
 /// Sums over the active voxels of a grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Statistics {
-    /// How many there are.
+    /// How many voxels are active.
     pub active_voxels: u64,
     /// The sum of their values.
     pub sum: f64,

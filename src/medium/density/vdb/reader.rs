@@ -34,7 +34,7 @@ pub(super) struct Place {
     compression: u32,
 }
 
-/// A tree's voxels.
+/// The voxels of a tree, as stored.
 pub(super) struct Tree {
     pub background: f32,
     pub leaves: Vec<Leaf>,

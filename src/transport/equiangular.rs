@@ -1,23 +1,23 @@
-//! Equiangular draws along a stretch of a ray (Kulla and Fajardo 2012): distances in proportion to the
-//! angle a light sees, which cancels the 1/d² of small lights near the ray.
+//! Equiangular draws along a segment (Kulla and Fajardo 2012): distances in proportion to the angle a light
+//! sees, which cancels the 1/d² of small lights near the ray.
 
 use std::f64::consts::FRAC_PI_2;
 
-use crate::geometry::Hit;
+use super::flight;
+use super::segment::{Crossing, Segment};
 use crate::light::{Arrival, Light, Profile};
 use crate::math::{DVec3, Ray, Rgb, Stream, shares};
 use crate::medium::Medium;
 use crate::scene::Scene;
-use crate::transport::{self, Crossing, Segment};
 
-/// A stretch of a ray in a medium, and how its collisions are drawn.
+/// A flight through a segment: how collisions on it are drawn.
 #[derive(Clone, Debug)]
-pub struct Stretch {
+pub struct Flight {
     /// The ray.
     pub ray: Ray,
-    /// Where the stretch begins.
+    /// The parameter where the segment begins.
     pub a: f64,
-    /// Where it ends; perhaps at infinity.
+    /// The parameter where it ends; perhaps infinite.
     pub b: f64,
     /// The path's weight at its beginning.
     pub weight: Rgb,
@@ -30,7 +30,7 @@ pub struct Stretch {
 /// A draw.
 #[derive(Clone, Copy, Debug)]
 pub struct Draw {
-    /// Where on the ray.
+    /// The parameter on the ray.
     pub t: f64,
     /// The light: an index into [`Scene::lights`].
     pub light: u32,
@@ -40,25 +40,25 @@ pub struct Draw {
     pub density: f64,
 }
 
-impl Stretch {
-    /// A stretch entered with `weight`.
+impl Flight {
+    /// Through a segment entered with `weight`.
     pub fn new(segment: &Segment<'_>, medium: &Medium, weight: Rgb) -> Self {
         let extinction = medium.extinction.element_sum() / 3.0 * medium.density.max();
-        Stretch { ray: *segment.ray, a: segment.a, b: segment.b, weight, chance: 1.0, reach: 1.0 / extinction }
+        Flight { ray: *segment.ray, a: segment.a, b: segment.b, weight, chance: 1.0, reach: 1.0 / extinction }
     }
 
-    /// The same where a collision is certain to be drawn.
+    /// This flight where a collision is certain to be drawn.
     pub fn certain(&self, medium: &Medium) -> Self {
         let passed = medium.transmittance(medium.density.depth(&self.ray, self.a, self.b));
-        Stretch { chance: (shares(self.weight) * (Rgb::ONE - passed)).element_sum(), ..self.clone() }
+        Flight { chance: (shares(self.weight) * (Rgb::ONE - passed)).element_sum(), ..self.clone() }
     }
 
     /// The density per length with which a collision is drawn at `t`.
     pub fn flight_density(&self, medium: &Medium, t: f64) -> f64 {
-        transport::flight_density(medium, &self.ray, self.a, t, self.weight) / self.chance
+        flight::flight_density(medium, &self.ray, self.a, t, self.weight) / self.chance
     }
 
-    /// How much a light matters to this stretch; 0 for those it leaves to collisions by chance.
+    /// How much a light matters to this flight; 0 for those it leaves to collisions by chance.
     fn importance(&self, light: &Light) -> f64 {
         let (center, power, area) = match light {
             Light::Point(point) => (point.position, point.intensity, 0.0),
@@ -125,10 +125,10 @@ impl Stretch {
 }
 
 /// The light at `left` of the way through the lights' importances, and the probability of drawing it.
-fn choose<'s>(scene: &'s Scene, stretch: &Stretch, mut left: f64, total: f64) -> Option<(usize, &'s Light, f64)> {
+fn choose<'s>(scene: &'s Scene, flight: &Flight, mut left: f64, total: f64) -> Option<(usize, &'s Light, f64)> {
     let mut chosen = None;
     for (index, light) in scene.lights.iter().enumerate() {
-        let importance = stretch.importance(light);
+        let importance = flight.importance(light);
         if importance > 0.0 {
             chosen = Some((index, light, importance / total));
             if left < importance {
@@ -140,21 +140,21 @@ fn choose<'s>(scene: &'s Scene, stretch: &Stretch, mut left: f64, total: f64) ->
     chosen
 }
 
-/// Draws a light, a point on it, and a distance on the stretch for them.
-pub fn draw(scene: &Scene, stretch: &Stretch, stream: &mut Stream) -> Option<Draw> {
-    let total = stretch.total_importance(scene);
+/// Draws a light, a point on it, and a distance on the segment for them.
+pub fn draw(scene: &Scene, flight: &Flight, stream: &mut Stream) -> Option<Draw> {
+    let total = flight.total_importance(scene);
     if total.is_nan() || total <= 0.0 {
         return None;
     }
     let (index, light, choice) = match &scene.lights[..] {
         [light] => (0, light, 1.0),
-        _ => choose(scene, stretch, stream.uniform() * total, total)?,
+        _ => choose(scene, flight, stream.uniform() * total, total)?,
     };
     match light {
         Light::Area(area) => {
             let sample = scene.geometry.sample_area(area.shape, stream.uniform2());
-            let (t, per_length) = stretch.draw_distance(sample.point, stream.uniform())?;
-            let from = stretch.ray.at(t);
+            let (t, per_length) = flight.draw_distance(sample.point, stream.uniform())?;
+            let from = flight.ray.at(t);
             let distance = sample.point.distance(from);
             let direction = (sample.point - from) / distance;
             let radiance = area.radiance(sample.normal, -direction);
@@ -162,12 +162,11 @@ pub fn draw(scene: &Scene, stretch: &Stretch, stream: &mut Stream) -> Option<Dra
             if radiance.max_element() <= 0.0 || cos <= 0.0 || !direction.is_finite() {
                 return None;
             }
-            let hit = met(area.shape, distance, sample.normal);
             let arrival = Arrival {
                 direction,
                 distance,
                 radiance,
-                density: area.density(&scene.geometry, from, &hit, direction),
+                density: area.density(&scene.geometry, from, direction, distance, sample.normal),
                 has_size: true,
                 normal: sample.normal,
             };
@@ -180,46 +179,65 @@ pub fn draw(scene: &Scene, stretch: &Stretch, stream: &mut Stream) -> Option<Dra
                 Light::Spot(spot) => spot.position,
                 _ => return None,
             };
-            let (t, per_length) = stretch.draw_distance(position, stream.uniform())?;
-            let arrival = light.arrive(&scene.geometry, stretch.ray.at(t), stream)?;
+            let (t, per_length) = flight.draw_distance(position, stream.uniform())?;
+            let arrival = light.arrive(&scene.geometry, flight.ray.at(t), stream)?;
             Some(Draw { t, light: index as u32, arrival, density: choice * per_length })
         }
     }
 }
 
-/// A hit as far as densities want to know it.
-fn met(shape: u32, distance: f64, normal: DVec3) -> Hit {
-    Hit { t: distance, id: shape, primitive: 0, normal, shading_normal: normal, uv: [0.0; 2] }
-}
-
 /// The density with which [`draw`] draws `t` together with light `index` so that this `arrival` results.
-pub fn density(scene: &Scene, stretch: &Stretch, t: f64, index: u32, arrival: &Arrival) -> f64 {
+fn density(scene: &Scene, flight: &Flight, t: f64, index: u32, arrival: &Arrival) -> f64 {
     let light = &scene.lights[index as usize];
-    let choice = stretch.choice(scene, index);
+    let choice = flight.choice(scene, index);
     if choice <= 0.0 {
         return 0.0;
     }
-    let to = stretch.ray.at(t) + arrival.distance * arrival.direction;
-    let per_length = choice * stretch.distance_density(to, t);
+    let to = flight.ray.at(t) + arrival.distance * arrival.direction;
+    let per_length = choice * flight.distance_density(to, t);
     match light {
         Light::Area(area) => {
-            let hit = met(area.shape, arrival.distance, arrival.normal);
-            let per_area = scene.geometry.pdf_area(area.shape, &hit);
+            let per_area = scene.geometry.pdf_area(area.shape, arrival.normal);
             per_length * per_area * arrival.distance * arrival.distance / arrival.normal.dot(arrival.direction).abs()
         }
         _ => per_length,
     }
 }
 
-/// The same for light met by chance, on the way from the collision at `t`.
-pub fn density_of_crossing(scene: &Scene, stretch: &Stretch, t: f64, crossing: &Crossing<'_>) -> f64 {
-    let arrival = Arrival {
-        direction: crossing.ray.direction,
-        distance: crossing.hit.t,
-        radiance: Rgb::ZERO,
-        density: 0.0,
-        has_size: true,
-        normal: crossing.hit.normal,
-    };
-    density(scene, stretch, t, crossing.light, &arrival)
+/// A collision, by how it was drawn.
+#[derive(Clone, Debug)]
+pub struct Landing {
+    /// The flight that ended there.
+    pub flight: Flight,
+    /// The parameter of the collision on the flight's ray.
+    pub t: f64,
+    /// The density per length with which the flight draws it.
+    pub density: f64,
+}
+
+impl Landing {
+    /// A collision at `t`, which a flight through `medium` draws.
+    pub fn new(flight: Flight, medium: &Medium, t: f64) -> Self {
+        let density = flight.flight_density(medium, t);
+        Landing { flight, t, density }
+    }
+
+    /// The density of an equiangular draw of this collision together with light `index` so that this `arrival` results, over
+    /// that with which the flight draws the collision: what rivals a light asked for from here, per steradian.
+    pub fn rival(&self, scene: &Scene, index: u32, arrival: &Arrival) -> f64 {
+        density(scene, &self.flight, self.t, index, arrival) / self.density
+    }
+
+    /// What [`Landing::rival`] is of light that was met by chance on the way from here.
+    pub fn rival_of_crossing(&self, scene: &Scene, crossing: &Crossing<'_>) -> f64 {
+        let arrival = Arrival {
+            direction: crossing.ray.direction,
+            distance: crossing.hit.t,
+            radiance: Rgb::ZERO,
+            density: 0.0,
+            has_size: true,
+            normal: crossing.hit.normal,
+        };
+        self.rival(scene, crossing.light, &arrival)
+    }
 }

@@ -1,30 +1,31 @@
-//! Light that arrives straight from a light.
+//! What passes from a light to a vertex: shadow rays.
 
+use std::convert::Infallible;
 use std::ops::ControlFlow;
 
 use smallvec::SmallVec;
 
+use super::events::Events;
 use super::flight::pass;
-use super::walk::{Crossing, Reflection, Segment, Stop, Visitor, Walk};
-use crate::light::Light;
-use crate::math::{DVec3, Ray, Rgb, Stream};
+use super::segment::Segment;
+use super::walk::{Stop, Visitor, Walk};
+use crate::math::{Ray, Rgb, Stream};
 use crate::medium::transmittance;
 use crate::scene::{Inside, Scene};
-use crate::surface::fresnel;
 
-/// Remembers the stretches of media on the way, to be paid for once the way is known to be free.
+/// Remembers the segments on the way, to be paid for once the way is known to be free.
 #[derive(Default)]
 struct Way {
     segments: SmallVec<[(u32, f64, f64); 4]>,
 }
 
 impl Visitor for Way {
-    fn segment(&mut self, segment: &Segment<'_>) -> ControlFlow<()> {
+    type End = Infallible;
+
+    fn segment(&mut self, segment: &Segment<'_>) -> ControlFlow<Infallible> {
         self.segments.push((segment.medium, segment.a, segment.b));
         ControlFlow::Continue(())
     }
-
-    fn crossing(&mut self, _: &Crossing<'_>) {}
 }
 
 /// Multiplies `weight` by an unbiased estimate of what passes along `ray`, which starts inside these
@@ -56,7 +57,7 @@ pub fn transmit(scene: &Scene, ray: Ray, inside: &Inside, distance: f64, weight:
     }
 }
 
-/// As [`transmit`], and straight on through up to `most` refracting boundaries (Jensen 2001, §10.8.2), each of which
+/// As [`transmit`], and straight on through `most` refracting boundaries (Jensen 2001, §10.8.2), each of which
 /// lets 1 − F of the light pass. Before one beyond which the index is lower, refracted light would have gone another
 /// way through the medium: its length takes the place of the straight one (Eq. 10.31).
 pub fn transmit_straight(
@@ -64,7 +65,7 @@ pub fn transmit_straight(
     ray: Ray,
     inside: &Inside,
     distance: f64,
-    most: u64,
+    most: Events,
     weight: &mut Rgb,
     stream: &mut Stream,
 ) {
@@ -80,23 +81,13 @@ pub fn transmit_straight(
         };
         let mut longer = Rgb::ONE;
         if let Some(at) = &at {
-            let Reflection::Dielectric(here, beyond) = at.reflection else {
+            let (Some(straight), Some(fewer)) = (at.bsdf.straight(&at.incidence), left.left_after(1)) else {
                 *weight = Rgb::ZERO;
                 return;
             };
-            if left == 0 {
-                *weight = Rgb::ZERO;
-                return;
-            }
-            left -= 1;
-            let cos = at.normal.dot(ray.direction).abs();
-            for channel in 0..3 {
-                let (here, beyond) = (here[channel], beyond[channel]);
-                weight[channel] *= 1.0 - fresnel(cos, beyond, here);
-                if here > beyond {
-                    longer[channel] = cos / (1.0 - (beyond / here).powi(2) * (1.0 - cos * cos)).sqrt();
-                }
-            }
+            left = fewer;
+            *weight *= straight.passed;
+            longer = straight.longer;
         }
         for (medium, a, b) in way.segments {
             let medium = &scene.media[medium as usize];
@@ -113,12 +104,4 @@ pub fn transmit_straight(
         rest -= at.t;
         (ray, inside) = at.departure(ray.direction);
     }
-}
-
-/// The density per steradian with which a light drawn for the point `from` sends a sample along `direction`
-/// that meets the light's surface at this crossing.
-pub fn light_density(scene: &Scene, crossing: &Crossing<'_>, from: DVec3, direction: DVec3) -> f64 {
-    let Light::Area(area) = &scene.lights[crossing.light as usize] else { return 0.0 };
-    let choice = scene.light_choice(crossing.light, from);
-    if choice > 0.0 { choice * area.density(&scene.geometry, from, crossing.hit, direction) } else { 0.0 }
 }

@@ -1,0 +1,92 @@
+//! What is common to all parts of a comparison.
+
+use std::sync::atomic::AtomicBool;
+
+use super::results::Setting;
+use super::variant::Pair;
+use super::{Request, Watch, machine};
+use crate::render::checkpoint::Subject;
+use crate::render::{Component, SharedPhotons};
+use crate::scene;
+use crate::scene::description::{Description, Method};
+use crate::{Error, Result};
+
+/// What is common to all parts of a comparison.
+pub struct Context<'r> {
+    pub request: &'r Request,
+    /// Overrides for all variants.
+    pub set: Vec<String>,
+    /// The scene as it is for all.
+    pub base: Description,
+    pub watch: &'r dyn Watch,
+    pub stop: &'r AtomicBool,
+    pub photons: Option<SharedPhotons>,
+    /// What differs between builds of the program.
+    pub build: u128,
+}
+
+impl<'r> Context<'r> {
+    pub fn new(request: &'r Request, watch: &'r dyn Watch, stop: &'r AtomicBool) -> Result<Context<'r>> {
+        let mut set = request.set.clone();
+        // Layers cost time and memory; only one kind of scattering cannot be told without.
+        let components = request.components()?.unwrap_or_default();
+        let tells = components.contains(&Component::VolumeSingle) != components.contains(&Component::VolumeMultiple);
+        set.push(format!("film.layers={tells}"));
+        let base = scene::read(&request.scene, &set)?;
+        Ok(Context { request, set, base, watch, stop, photons: None, build: machine::build() })
+    }
+
+    /// The scene with further settings; errors name the variant they are of.
+    pub fn describe(&self, variant: &str, set: &[Pair]) -> Result<Description> {
+        let mut all = self.set.clone();
+        all.extend(set.iter().map(|(key, value)| format!("{key}={value}")));
+        scene::read(&self.request.scene, &all).map_err(|error| match error {
+            Error::Scene(message) => Error::Scene(format!("variant {variant}: {message}")),
+            other => other,
+        })
+    }
+
+    /// The photons that all variants share, or that tell how wide kernels should be.
+    pub fn photons(&mut self) -> Result<&SharedPhotons> {
+        if self.photons.is_none() {
+            self.watch.begins("photons");
+            let mut base = self.base.clone();
+            base.render.method = Method::Photon;
+            let (scene, settings) = scene::build(&base)?;
+            self.photons = Some(SharedPhotons::trace(&scene, &settings, &self.watch, self.stop)?);
+        }
+        self.photons.as_ref().ok_or(Error::Interrupted)
+    }
+
+    /// The photons of the common map, if there is one.
+    pub fn shared(&self) -> Option<&SharedPhotons> {
+        self.photons.as_ref().filter(|_| self.request.same_map)
+    }
+
+    /// A short text that differs where any of `parts` does, or the program, or what is measured.
+    pub fn digest(&self, parts: &[&str]) -> String {
+        let mut text = format!("{:032x} {:?} {:?}", self.build, self.request.layer, rayon::current_num_threads());
+        parts.iter().for_each(|part| text.push_str(&format!("\n{part}")));
+        format!("{:032x}", xxhash_rust::xxh3::xxh3_128(text.as_bytes()))
+    }
+
+    /// What the common map is of, for those who gather from it.
+    pub fn map_digest(&self, gathers: bool) -> String {
+        if !gathers || !self.request.same_map {
+            return String::new();
+        }
+        format!("{} {}", Subject::new(&self.base, 1).fingerprint(), self.base.render.seed)
+    }
+}
+
+/// Key and value as results hold them.
+pub fn settings(pairs: &[Pair]) -> Vec<Setting> {
+    pairs.iter().map(|(key, value)| Setting { key: key.clone(), value: value.clone() }).collect()
+}
+
+pub fn method_name(description: &Description) -> String {
+    match description.render.method {
+        Method::Photon => "photon".to_string(),
+        Method::Path => "path".to_string(),
+    }
+}

@@ -1,0 +1,164 @@
+//! All shapes of a scene, and what rays and points meet of them.
+
+use smallvec::SmallVec;
+
+use super::tree::Tree;
+use super::{Cluster, Hit, Placed, Shape};
+use crate::math::{Bounds, DVec3, Ray, error_bound};
+
+/// A hit before its normals are needed.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Crossing {
+    t: f64,
+    id: u32,
+    primitive: u32,
+    weights: [f64; 2],
+}
+
+/// All placed shapes of a scene.
+#[derive(Debug)]
+pub struct Geometry {
+    pub(super) placed: Vec<Placed>,
+    pub(super) tree: Tree,
+    bounds: Bounds,
+}
+
+impl Geometry {
+    /// The shapes' ids are their indices.
+    pub fn new(placed: Vec<Placed>) -> Self {
+        let boxes: Vec<Bounds> = placed.iter().map(Placed::bounds).collect();
+        let bounds = boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(*b));
+        Geometry { tree: Tree::new(&boxes), placed, bounds }
+    }
+
+    /// The shapes, by id.
+    pub fn placed(&self) -> &[Placed] {
+        &self.placed
+    }
+
+    /// The box around a shape.
+    pub fn bounds(&self, id: u32) -> Bounds {
+        self.placed[id as usize].bounds()
+    }
+
+    /// The box around all shapes.
+    pub fn all_bounds(&self) -> Bounds {
+        self.bounds
+    }
+
+    /// Calls `visit` for every crossing with `t_min < t < t_max`; it returns the new `t_max`.
+    #[inline]
+    fn crossings(&self, ray: &Ray, t_min: f64, t_max: f64, mut visit: impl FnMut(Crossing) -> f64) {
+        let mut limit = t_max;
+        let order = self.tree.order();
+        self.tree.along(ray, t_min, t_max, |i| {
+            let id = order[i as usize];
+            let before = limit;
+            self.placed[id as usize].crossings(ray, t_min, before, &mut |t, primitive, weights| {
+                limit = visit(Crossing { t, id, primitive, weights });
+                limit
+            });
+            limit
+        });
+    }
+
+    /// The nearest hit with `t_min < t < t_max` and those that coincide with it go into `out`. Returns
+    /// whether there is one.
+    pub fn intersect(&self, ray: &Ray, t_min: f64, t_max: f64, out: &mut Cluster) -> bool {
+        let Cluster { crossings, hits } = out;
+        crossings.clear();
+        hits.clear();
+        let (mut nearest, mut limit) = (f64::INFINITY, t_max);
+        self.crossings(ray, t_min, t_max, |crossing| {
+            if crossing.t < nearest {
+                nearest = crossing.t;
+                let last = nearest + error_bound(ray, nearest);
+                limit = limit.min(last.next_up());
+                if !crossings.is_empty() {
+                    crossings.retain(|c| c.t <= last);
+                }
+            }
+            crossings.push(crossing);
+            limit
+        });
+        if crossings.len() > 1 {
+            crossings.sort_unstable_by(|a, b| a.t.total_cmp(&b.t).then((a.id, a.primitive).cmp(&(b.id, b.primitive))));
+        }
+        for crossing in crossings.iter() {
+            hits.push(self.hit(ray, crossing));
+        }
+        !hits.is_empty()
+    }
+
+    /// Calls `visit` for every hit with `t_min < t < t_max`, in no particular order.
+    pub fn all_hits(&self, ray: &Ray, t_min: f64, t_max: f64, mut visit: impl FnMut(Hit)) {
+        self.crossings(ray, t_min, t_max, |crossing| {
+            visit(self.hit(ray, &crossing));
+            t_max
+        });
+    }
+
+    /// Whether the ray meets, with `t_min < t < t_max`, a shape for whose id `blocks` holds.
+    pub fn occluded(&self, ray: &Ray, t_min: f64, t_max: f64, blocks: impl Fn(u32) -> bool) -> bool {
+        let mut blocked = false;
+        self.crossings(ray, t_min, t_max, |crossing| {
+            blocked = blocked || blocks(crossing.id);
+            if blocked { f64::NEG_INFINITY } else { t_max }
+        });
+        blocked
+    }
+
+    fn hit(&self, ray: &Ray, c: &Crossing) -> Hit {
+        let surface = self.placed[c.id as usize].surface(ray, c.t, c.primitive, c.weights);
+        Hit {
+            t: c.t,
+            id: c.id,
+            primitive: c.primitive,
+            normal: surface.normal,
+            shading_normal: surface.shading_normal,
+            uv: surface.uv,
+        }
+    }
+
+    /// Whether a shape encloses a volume: spheres, boxes, cylinders with caps, lathes whose ends lie on the
+    /// axis or coincide, and meshes as [`Mesh::is_closed`] says.
+    pub fn is_closed(&self, id: u32) -> bool {
+        self.placed[id as usize].is_closed()
+    }
+
+    /// Whether a closed shape contains `p`; never for open ones. Points on the surface may count either
+    /// way, but always the same.
+    pub fn contains(&self, id: u32, p: DVec3) -> bool {
+        self.placed[id as usize].contains(p)
+    }
+
+    /// Whether a closed shape contains all of a box, or nothing of it; `None` where neither is certain.
+    pub fn contains_all(&self, id: u32, bounds: &Bounds) -> Option<bool> {
+        let placed = &self.placed[id as usize];
+        if !placed.bounds().overlaps(bounds) {
+            return Some(false);
+        }
+        let convex = matches!(placed.shape(), Shape::Sphere(_) | Shape::Cuboid(_) | Shape::Cylinder(_));
+        if convex && bounds.corners().into_iter().all(|corner| placed.contains(corner)) {
+            return Some(true);
+        }
+        let (center, reach) = (bounds.center(), 0.5 * bounds.diagonal());
+        (placed.clearance(center, 2.0 * reach) > reach).then(|| placed.contains(center))
+    }
+
+    /// The ids of all closed shapes that contain `p` go into `out`, ascending.
+    pub fn containing(&self, p: DVec3, out: &mut SmallVec<[u32; 8]>) {
+        out.clear();
+        self.boxes_around(p, |id| {
+            if self.contains(id, p) {
+                out.push(id);
+            }
+        });
+        out.sort_unstable();
+    }
+
+    /// Calls `visit` with the ids of shapes whose box contains `p`, and a few more.
+    pub fn boxes_around(&self, p: DVec3, mut visit: impl FnMut(u32)) {
+        self.tree.overlapping(&Bounds { min: p, max: p }, |i| visit(self.tree.order()[i as usize]));
+    }
+}

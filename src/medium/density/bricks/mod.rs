@@ -1,0 +1,154 @@
+//! Voxels for rendering: bricks of 8³ values behind an index, in index space.
+//!
+//! A voxel's value sits at its integer coordinates. Between voxels the density is trilinear, or that of
+//! the nearest voxel; beyond all voxels it is the background. Cubes of one value are an entry in the
+//! index, whatever their size. The index is an array over the occupied range of bricks where that is
+//! not much larger than the bricks themselves, and otherwise the three levels of an OpenVDB tree.
+//!
+//! A *cell* is what the eight voxels around it interpolate: the cube from voxel (i, j, k) to
+//! (i+1, j+1, k+1). A brick answers for the cells at its 8³ voxels, and so its majorant spans one more
+//! layer of voxels, the *apron*, that belongs to its upper neighbours.
+
+mod build;
+mod index;
+mod interpolate;
+#[cfg(test)]
+mod tests;
+mod walk;
+
+pub use walk::Cell;
+
+use crate::math::{Bounds, DVec3};
+use index::{Index, Range};
+
+/// What to do with negative voxels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum NegativePolicy {
+    /// The grid is refused.
+    #[default]
+    Error,
+    /// They count as 0.
+    Zero,
+}
+
+/// The density between voxels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Interpolation {
+    /// Linear along each axis, continuous.
+    #[default]
+    Trilinear,
+    /// That of the nearest voxel: constant on cubes centred on voxels.
+    Nearest,
+}
+
+/// Voxels in bricks of 8³ behind an index, in index space.
+#[derive(Clone)]
+pub struct BrickGrid {
+    background: f32,
+    interpolation: Interpolation,
+    /// The values of each brick, z fastest, and then the constants.
+    values: Vec<f32>,
+    /// The least and greatest value of each brick.
+    own_ranges: Vec<Range>,
+    index: Index,
+    /// The first and last voxel along each axis that differ from the background.
+    occupied: Option<([i32; 3], [i32; 3])>,
+    active: Active,
+    max: f32,
+}
+
+/// Sums over active voxels.
+#[derive(Clone, Copy)]
+struct Active {
+    count: u64,
+    sum: f64,
+    min: f32,
+    max: f32,
+}
+
+impl std::fmt::Debug for BrickGrid {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("BrickGrid").field("bricks", &self.values.len()).field("occupied", &self.occupied).finish()
+    }
+}
+
+impl BrickGrid {
+    /// With another density between its voxels.
+    pub fn with_interpolation(self, interpolation: Interpolation) -> BrickGrid {
+        BrickGrid { interpolation, ..self }
+    }
+
+    /// How the density behaves between voxels.
+    pub fn interpolation(&self) -> Interpolation {
+        self.interpolation
+    }
+
+    /// The density where there are no voxels.
+    pub fn background(&self) -> f32 {
+        self.background
+    }
+
+    /// The greatest density anywhere, the background included.
+    pub fn max(&self) -> f32 {
+        self.max
+    }
+
+    /// The least value of an active voxel; infinite without any.
+    pub fn min_active(&self) -> f32 {
+        self.active.min
+    }
+
+    /// The greatest value of an active voxel; negative infinite without any.
+    pub fn max_active(&self) -> f32 {
+        self.active.max
+    }
+
+    /// How many voxels are active.
+    pub fn active_voxels(&self) -> u64 {
+        self.active.count
+    }
+
+    /// The sum over the active voxels.
+    pub fn sum(&self) -> f64 {
+        self.active.sum
+    }
+
+    /// How many bricks are stored.
+    pub fn bricks(&self) -> usize {
+        self.own_ranges.len()
+    }
+
+    /// The memory taken, in bytes.
+    pub fn bytes(&self) -> usize {
+        let index = match &self.index {
+            Index::Dense { codes, ranges, .. } => size_of_val(&codes[..]) + size_of_val(&ranges[..]),
+            Index::Sparse(index) => {
+                let nodes = index.upper.iter().chain(&index.lower);
+                size_of_val(&index.roots[..]) + nodes.map(|node| size_of_val(&node[..])).sum::<usize>()
+            }
+        };
+        index + size_of_val(&self.values[..]) + size_of_val(&self.own_ranges[..])
+    }
+
+    /// Where the density can differ from the background, in index space: lower faces included, upper
+    /// ones not. Empty if it differs nowhere.
+    pub fn support(&self) -> Bounds {
+        let Some((lo, hi)) = self.cell_range() else { return Bounds::EMPTY };
+        let shift = self.shift();
+        Bounds { min: DVec3::from_array(lo.map(f64::from)) - shift, max: DVec3::from_array(hi.map(f64::from)) - shift }
+    }
+
+    /// The first cell and beyond the last along each axis that is not all background.
+    fn cell_range(&self) -> Option<([i32; 3], [i32; 3])> {
+        let reach = (self.interpolation == Interpolation::Trilinear) as i32;
+        self.occupied.map(|(first, last)| (first.map(|x| x - reach), last.map(|x| x + 1)))
+    }
+
+    /// From positions to the coordinates of cells.
+    fn shift(&self) -> DVec3 {
+        match self.interpolation {
+            Interpolation::Trilinear => DVec3::ZERO,
+            Interpolation::Nearest => DVec3::splat(0.5),
+        }
+    }
+}

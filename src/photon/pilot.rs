@@ -1,0 +1,142 @@
+//! Pilots: a few photons that tell how the others are to be emitted, before any of them is stored.
+//!
+//! How many to emit must be settled beforehand: a count that depended on the photons themselves would be biased. A pilot counts
+//! what some emissions yield; what it finds may change how photons are emitted, and then another pilot counts anew. In this
+//! order:
+//!
+//! 1. *Bare*: lights emit in proportion to power, in all directions.
+//! 2. *Aimed*, where few emissions collide: most photons are aimed at solids that scatter, from lights and from the diffuse
+//!    surfaces around them.
+//! 3. *Evened out*, where media are deep: sources are drawn so that photons enter with about the same power, and those that differ
+//!    are split or left to roulette.
+//! 4. *Forced*, where hardly any collides even so: first collisions are no matter of chance.
+//! 5. *Counted*: longer pilots, as long as too few photons tell the yield.
+
+use super::tracer::{Chunk, Entry, Tracer};
+use crate::math::random::Purpose;
+
+/// Emissions of the pilot that tells the yield; more where they store fewer photons than [`TELLING`].
+const PILOTS: [u64; 3] = [1 << 12, 1 << 16, 1 << 20];
+/// A pilot that stores so many photons tells enough.
+const TELLING: u64 = 64;
+/// Where fewer emissions than this share collide, photons are aimed at what they may collide in.
+const SELDOM: f64 = 0.2;
+/// Where fewer emissions than this share collide, first collisions are forced.
+const RARE: f64 = 0.01;
+/// Photons of one walk through a deep medium lie near one another, and many of them are hardly more than one. So more are
+/// emitted, and about one is kept of each walk, as in solids of uneven density where walks leave more than this many each.
+const MANY: f64 = 8.0;
+/// To thin walks takes no more than so many times the emissions,
+const MOST_MORE: f64 = 8.0;
+/// and no more than so many collisions for each photon kept: beyond, tracing would cost more than all the rest.
+const MOST_COLLISIONS: f64 = 32.0;
+/// An emission costs about as much as so many collisions.
+const EMISSION: f64 = 8.0;
+
+/// What a pilot's emissions came to.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Yield {
+    /// How many there were.
+    pub emitted: u64,
+    /// The share of them that collided.
+    pub collided: f64,
+    /// Photons stored.
+    pub stored: u64,
+    /// How many times more photons to emit than are needed to fill the map: see [`MANY`].
+    pub surplus: f64,
+}
+
+/// Finds how photons are to be emitted, and what that yields.
+pub(super) fn prepare(tracer: &mut Tracer<'_>, stop: &(impl Fn() -> bool + Sync)) -> Yield {
+    let deep = tracer.quota.any_is_deep();
+    let run = |tracer: &Tracer<'_>, count: u64| tracer.run(Purpose::Pilot, (0..count, count), &|_, _| {}, stop);
+    let many = if deep {
+        0.0
+    } else if tracer.has_uneven_solids() {
+        MANY
+    } else {
+        f64::INFINITY
+    };
+    let count = |tracer: &Tracer<'_>, emitted: u64| Yield::of(&run(tracer, emitted), emitted, many);
+
+    // Bare.
+    let few = PILOTS[0];
+    let mut found = count(tracer, few);
+
+    // Aimed.
+    if found.collided < SELDOM {
+        tracer.sources.aim();
+        let chunks = run(tracer, few);
+        let photons = chunks.iter().flat_map(|chunk| &chunk.volume.photons);
+        tracer.typical = median(photons.map(|(_, photon)| f64::from(photon.power.element_sum())).collect());
+        found = count(tracer, few);
+    }
+
+    // Evened out.
+    if deep {
+        tracer.entry = Entry::Noted;
+        let entering = |tracer: &Tracer<'_>| -> Vec<(u32, f64)> {
+            run(tracer, few).into_iter().flat_map(|chunk| chunk.entering).collect()
+        };
+        tracer.sources.even_out(&entering(tracer));
+        let portion = middle_of_power(entering(tracer).into_iter().map(|(_, power)| power).collect());
+        tracer.entry = portion.map_or(Entry::Free, Entry::Portioned);
+        // What is weaker would not enter.
+        if let Some(typical) = &mut tracer.typical {
+            *typical = portion.map_or(*typical, super::tracer::least_to_enter);
+        }
+        found = count(tracer, few);
+    }
+
+    // Forced.
+    if found.collided < RARE {
+        tracer.forced = true;
+        // Small media far from the light.
+        for emitted in PILOTS {
+            found = count(tracer, emitted);
+            if found.stored >= TELLING || stop() {
+                break;
+            }
+        }
+    }
+
+    // Counted: what is left to shadow rays may be nearly all.
+    if tracer.pass.single_scattering.asks_lights() {
+        for emitted in PILOTS {
+            if found.stored < TELLING && emitted > found.emitted && !stop() {
+                found = count(tracer, emitted);
+            }
+        }
+    }
+    found
+}
+
+impl Yield {
+    /// What the chunks of `emitted` photons hold. Walks that leave more than `many` photons each are thinned.
+    fn of(chunks: &[Chunk], emitted: u64, many: f64) -> Yield {
+        let sum = |of: &dyn Fn(&Chunk) -> u64| chunks.iter().map(of).sum::<u64>();
+        let stored = sum(&|chunk| chunk.volume.photons.len() as u64);
+        let (storing, collisions) = (sum(&|chunk| chunk.storing), sum(&|chunk| chunk.collisions));
+        let correlated = stored as f64 / storing.max(1) as f64;
+        let affordable = MOST_COLLISIONS * stored as f64 / (collisions as f64 + EMISSION * emitted as f64);
+        let surplus = if correlated < many { 1.0 } else { correlated.min(affordable).clamp(1.0, MOST_MORE) };
+        Yield { emitted, collided: sum(&|chunk| chunk.collided) as f64 / emitted as f64, stored, surplus }
+    }
+}
+
+/// The median of powers.
+fn median(mut powers: Vec<f64>) -> Option<f64> {
+    let middle = powers.len() / 2;
+    (!powers.is_empty()).then(|| *powers.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+/// The power up to which photons carry half of all.
+fn middle_of_power(mut powers: Vec<f64>) -> Option<f64> {
+    powers.sort_unstable_by(f64::total_cmp);
+    let half = 0.5 * powers.iter().sum::<f64>();
+    let mut sum = 0.0;
+    powers.into_iter().find(|power| {
+        sum += power;
+        sum >= half
+    })
+}

@@ -1,0 +1,455 @@
+//! The photon pass: photons leave the lights, travel, and are deposited where they collide with a medium that scatters.
+
+use std::ops::{ControlFlow, Range};
+
+use rayon::prelude::*;
+
+use super::Photon;
+use super::emission::{Sources, Start};
+use super::history::History;
+use super::pilot;
+use super::sinks::{VolumeQuota, VolumeSink};
+use crate::math::random::Purpose;
+use crate::math::{Rgb, Stream};
+use crate::scene::Scene;
+use crate::scene::description::SingleScattering;
+use crate::surface::{Nature, Side};
+use crate::transport::{
+    self, Collision, Events, Heading, Interaction, Luggage, Part, Parts, Segment, Tally, Traveller, Vertex, Walk,
+    balance, survive, travel,
+};
+
+/// What a photon pass should do.
+#[derive(Clone, Copy, Debug)]
+pub struct Pass {
+    /// The user's seed.
+    pub seed: u64,
+    /// The number of the pass: each draws photons of its own.
+    pub index: u64,
+    /// About how many photons the map should hold.
+    pub target: u64,
+    /// At most this many are emitted.
+    pub max_emitted: u64,
+    /// How many events light may have on its way to the eye, with the one there that makes it turn to the eye.
+    pub max_events: Events,
+    /// Who finds light that a medium scatters straight from a light: what is asked for is not stored.
+    pub single_scattering: SingleScattering,
+}
+
+/// What a photon pass found.
+#[derive(Debug, Default)]
+pub struct Traced {
+    /// The photons by region, powers divided by the number of emitted photons, times the albedo.
+    pub regions: Vec<Vec<Photon>>,
+    /// Photons emitted.
+    pub emitted: u64,
+    /// Whether first collisions were forced.
+    pub forced: bool,
+    /// Counts of mishaps.
+    pub tally: Tally,
+}
+
+impl Traced {
+    /// Photons stored.
+    pub fn stored(&self) -> u64 {
+        self.regions.iter().map(|photons| photons.len() as u64).sum()
+    }
+}
+
+/// Never fewer photons than this are emitted.
+const FEWEST: u64 = 10_000;
+/// Emissions that one task traces.
+const CHUNK: u64 = 1024;
+/// Emissions are traced in so many parts at most,
+const PARTS: u64 = 16;
+/// and parts of no fewer, so that threads seldom wait for one another.
+const LEAST_PART: u64 = 128 * CHUNK;
+/// A map expected to hold more than this many times its target thins itself.
+const CROWDED: f64 = 1.5;
+/// Power that enters deep media goes in portions: no more than this many times the usual,
+const HEAVY: f64 = 2.0;
+/// and hardly less than this many times it;
+const LIGHT: f64 = 0.25;
+/// but one photon becomes so many at most.
+const MOST_SPLIT: f64 = 256.0;
+
+/// Traces photons. `progress` is told as emissions are done, of [`Pass`]'s number once it is known; `stop` ends
+/// the pass early: what it traced until then stands for all the light, except that it may have traced nothing.
+pub fn trace(
+    scene: &Scene,
+    pass: &Pass,
+    progress: &(impl Fn(u64, u64) + Sync),
+    stop: &(impl Fn() -> bool + Sync),
+) -> Traced {
+    let mut tracer = Tracer::new(scene, pass);
+    let empty = || Traced { regions: vec![Vec::new(); scene.regions as usize], ..Traced::default() };
+    if tracer.sources.is_empty() || !scene.media.iter().any(|medium| medium.scatters()) {
+        return empty();
+    }
+
+    // How many to emit, so that the map holds what it should.
+    let found = pilot::prepare(&mut tracer, stop);
+    let asked = pass.single_scattering.asks_lights();
+    if found.collided == 0.0 || (found.stored == 0 && !asked) || stop() {
+        return Traced { emitted: found.emitted, forced: tracer.forced, ..empty() };
+    }
+    let share = found.stored as f64 / found.emitted as f64;
+    let crowded = if found.surplus > 1.0 { 1.0 } else { CROWDED };
+    let wanted = (pass.target as f64 / share * found.surplus).ceil().max(1.0) as u64;
+    let emitted = wanted.max(FEWEST).min(pass.max_emitted);
+    let expected = emitted as f64 * share;
+    if expected > crowded * pass.target as f64 {
+        tracer.quota.keep = pass.target as f64 / expected;
+    }
+
+    // A part at a time: photons need not be held twice.
+    let mut traced = Traced { forced: tracer.forced, ..empty() };
+    let part = emitted.div_ceil(PARTS).next_multiple_of(CHUNK).max(LEAST_PART);
+    for first in (0..emitted).step_by(part as usize) {
+        let range = first..(first + part).min(emitted);
+        for chunk in tracer.run(Purpose::Photon, (range, emitted), progress, stop) {
+            traced.emitted += chunk.emitted;
+            traced.tally = traced.tally.merge(chunk.tally);
+            for (region, photon) in chunk.volume.photons {
+                traced.regions[region as usize].push(photon);
+            }
+        }
+    }
+
+    // Each photon stands for its part of the light.
+    let scale = (1.0 / traced.emitted.max(1) as f64) as f32;
+    for photons in &mut traced.regions {
+        photons.par_iter_mut().for_each(|photon| photon.power *= scale);
+        photons.shrink_to_fit();
+    }
+    traced
+}
+
+/// How photons set out into deep media.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Entry {
+    /// With whatever power they bring.
+    Free,
+    /// Likewise, and that power is noted.
+    Noted,
+    /// In portions of about this power.
+    Portioned(f64),
+}
+
+/// The least power with which photons enter deep media in portions of this power; what is weaker is left to roulette.
+pub(super) fn least_to_enter(portion: f64) -> f64 {
+    LIGHT * portion
+}
+
+/// How photons are emitted and traced: what [`pilot::prepare`] finds out.
+pub(super) struct Tracer<'s> {
+    pub scene: &'s Scene,
+    pub pass: &'s Pass,
+    /// Where photons start.
+    pub sources: Sources<'s>,
+    /// What the volume map stores.
+    pub quota: VolumeQuota<'s>,
+    /// The power of photons in the map, where photons are aimed at solids from diffuse surfaces, too.
+    pub typical: Option<f64>,
+    /// How photons set out into deep media.
+    pub entry: Entry,
+    /// Whether first collisions are forced.
+    pub forced: bool,
+}
+
+/// What some emissions have left.
+#[derive(Default)]
+pub(super) struct Chunk {
+    pub emitted: u64,
+    /// Photons for the volume map.
+    pub volume: VolumeSink,
+    /// Emissions that collided.
+    pub collided: u64,
+    /// Emissions that stored a photon.
+    pub storing: u64,
+    /// Collisions of all of them.
+    pub collisions: u64,
+    /// Sources and powers of photons that enter deep media, while these are noted.
+    pub entering: Vec<(u32, f64)>,
+    pub tally: Tally,
+}
+
+impl<'s> Tracer<'s> {
+    /// Before any pilot.
+    fn new(scene: &'s Scene, pass: &'s Pass) -> Self {
+        Tracer {
+            scene,
+            pass,
+            sources: Sources::new(scene),
+            quota: VolumeQuota::new(scene, pass.single_scattering),
+            typical: None,
+            entry: Entry::Free,
+            forced: false,
+        }
+    }
+
+    /// Whether a solid holds a medium of uneven density.
+    pub fn has_uneven_solids(&self) -> bool {
+        let mut media = self.scene.solids.iter().filter_map(|solid| solid.medium);
+        media.any(|medium| !self.scene.media[medium as usize].density.is_even())
+    }
+
+    /// Traces the emissions of a range, of those that there are in all.
+    pub fn run(
+        &self,
+        purpose: Purpose,
+        (range, emitted): (Range<u64>, u64),
+        progress: &(impl Fn(u64, u64) + Sync),
+        stop: &(impl Fn() -> bool + Sync),
+    ) -> Vec<Chunk> {
+        let chunks = (range.end - range.start).div_ceil(CHUNK);
+        (0..chunks)
+            .into_par_iter()
+            .map(|index| {
+                let mut chunk = Chunk::default();
+                let mut parts = Parts::new();
+                let first = range.start + index * CHUNK;
+                let part = first..(first + CHUNK).min(range.end);
+                let count = part.end - part.start;
+                for photon in part {
+                    // To ask may mean to look at a clock.
+                    if photon % 16 == 0 && stop() {
+                        return Chunk::default();
+                    }
+                    let mut stream = Stream::new(self.pass.seed, purpose, photon, self.pass.index);
+                    self.emit(&mut stream, &mut chunk, &mut parts);
+                }
+                chunk.emitted = count;
+                chunk.volume.photons.shrink_to_fit();
+                progress(count, emitted);
+                chunk
+            })
+            .collect()
+    }
+
+    /// Emits one photon, and follows it and all that is split off it.
+    fn emit(&self, stream: &mut Stream, chunk: &mut Chunk, parts: &mut Parts<'s, Flight>) {
+        let Some(Start { ray, power, inside, from_light, source }) = self.sources.start(stream) else { return };
+        if !power.is_finite() {
+            chunk.tally.broken += 1;
+            return;
+        }
+        let stored = chunk.volume.photons.len();
+        chunk.volume.next();
+        let own = Flight { history: History::new(from_light), forced: self.forced, drawn: None };
+        let start =
+            Part { walk: Walk::start(self.scene, ray, inside), luggage: Luggage::new(power, own), collision: None };
+        let mut flying = Flying { tracer: self, chunk, stream, source, collided: false };
+        travel(&mut flying, start, parts);
+        let collided = flying.collided;
+        chunk.collided += u64::from(collided);
+        chunk.storing += u64::from(chunk.volume.photons.len() > stored);
+    }
+}
+
+/// What a photon remembers.
+#[derive(Clone, Copy, Debug)]
+struct Flight {
+    history: History,
+    /// Whether its first collision is forced.
+    forced: bool,
+    /// How far it flies, once that is drawn.
+    drawn: Option<f64>,
+}
+
+/// A photon on its way.
+struct Flying<'f, 's> {
+    tracer: &'f Tracer<'s>,
+    chunk: &'f mut Chunk,
+    stream: &'f mut Stream,
+    /// The number of its source.
+    source: u32,
+    /// Whether any part of it has collided.
+    collided: bool,
+}
+
+impl<'s> Traveller<'s> for Flying<'_, 's> {
+    type Own = Flight;
+
+    fn scene(&self) -> &'s Scene {
+        self.tracer.scene
+    }
+
+    fn stream(&mut self) -> &mut Stream {
+        self.stream
+    }
+
+    /// Photons that set out into a deep medium get about the power of others there: strong ones are split, each part
+    /// wandering by itself, and weak ones left to roulette. One with the power of hundreds would be seen as a blotch, and
+    /// many weak ones take the room of others in the map.
+    fn sets_out(&mut self, walk: &Walk<'s>, luggage: &mut Luggage<Flight>, parts: &mut Parts<'s, Flight>) -> bool {
+        let medium = self.tracer.scene.medium(&walk.inside);
+        if medium.is_none_or(|medium| !self.tracer.quota.is_deep(medium)) {
+            return true;
+        }
+        let power = luggage.weight.element_sum();
+        let portion = match self.tracer.entry {
+            Entry::Free => return true,
+            Entry::Noted => {
+                if power > 0.0 && power.is_finite() {
+                    self.chunk.entering.push((self.source, power));
+                }
+                return true;
+            }
+            Entry::Portioned(portion) => portion,
+        };
+        let least = least_to_enter(portion);
+        if power < least {
+            luggage.weight *= least / power;
+            return self.stream.uniform() * least < power;
+        }
+        if power > HEAVY * portion {
+            let count = (power / portion).round().min(MOST_SPLIT);
+            luggage.weight /= count;
+            for _ in 1..count as usize {
+                parts.push(Part { walk: walk.clone(), luggage: luggage.clone(), collision: None });
+            }
+        }
+        true
+    }
+
+    /// Flights through dense media end long before the far side of a solid: they are drawn first.
+    fn farthest(&mut self, medium: u32, luggage: &mut Luggage<Flight>) -> f64 {
+        let medium = &self.tracer.scene.media[medium as usize];
+        if luggage.own.forced || !medium.density.is_even() {
+            return f64::INFINITY;
+        }
+        *luggage.own.drawn.insert(transport::draw(medium, luggage.weight, self.stream))
+    }
+
+    fn segment(
+        &mut self,
+        segment: &Segment<'_>,
+        luggage: &mut Luggage<Flight>,
+        parts: &mut Parts<'s, Flight>,
+    ) -> ControlFlow<f64> {
+        let medium = &self.tracer.scene.media[segment.medium as usize];
+        let range = (segment.a, segment.b);
+
+        // A forced collision: the part that collides is followed later.
+        if luggage.own.forced {
+            let forced = transport::force(medium, segment.ray, range, luggage.weight, self.stream);
+            luggage.weight *= forced.passed;
+            if let Some((t, weight)) = forced.collision {
+                let luggage = luggage.part(weight, Flight { forced: false, ..luggage.own });
+                let walk = Walk::within(self.tracer.scene, segment);
+                parts.push(Part { walk, luggage, collision: Some((t, segment.medium)) });
+            }
+            return ControlFlow::Continue(());
+        }
+
+        // A collision by chance.
+        let weight = &mut luggage.weight;
+        let collision = match luggage.own.drawn.take() {
+            Some(target) => transport::end(medium, segment.ray, range, target, weight),
+            None => transport::fly(medium, segment.ray, range, weight, self.stream, &mut self.chunk.tally, |_, _| {}),
+        };
+        collision.map_or(ControlFlow::Continue(()), ControlFlow::Break)
+    }
+
+    fn turn(
+        &mut self,
+        at: Vertex<'_>,
+        walk: &Walk<'s>,
+        luggage: &mut Luggage<Flight>,
+        parts: &mut Parts<'s, Flight>,
+    ) -> Option<Heading> {
+        let heading = match at {
+            Vertex::Surface(at) => self.reflect(at, walk, luggage, parts),
+            Vertex::Medium(at) => self.collide(at, luggage),
+        };
+        luggage.events += 1;
+        // One more collision and the eye's own scattering must still be allowed.
+        heading.filter(|_| self.may_store(luggage.events))
+    }
+
+    fn stopped(&mut self) {
+        self.chunk.tally.stopped += 1;
+    }
+}
+
+impl<'s> Flying<'_, 's> {
+    /// Whether a photon of so many events may still scatter towards the eye.
+    fn may_store(&self, events: u64) -> bool {
+        self.tracer.pass.max_events.allows(events)
+    }
+
+    /// Goes on from a surface.
+    fn reflect(
+        &mut self,
+        at: &Interaction,
+        walk: &Walk<'s>,
+        luggage: &mut Luggage<Flight>,
+        parts: &mut Parts<'s, Flight>,
+    ) -> Option<Heading> {
+        let (arriving, vertex) = (luggage.weight, Vertex::Surface(at));
+        let onward = vertex.onward(Side::Light, None, &mut luggage.weight, self.stream, survive);
+        let aimed = self.aim(at, walk, (arriving, luggage), parts);
+        let onward = onward?;
+        if aimed {
+            // What is aimed at solids brings its part of the light to them.
+            let rival = self.tracer.sources.density_towards_solids(at.point, onward.direction);
+            luggage.weight *= balance(onward.density, rival);
+        }
+        let through = onward.direction.dot(at.incidence.normal) < 0.0;
+        luggage.own.history = luggage.own.history.after(through && at.bsdf.nature() == Nature::Specular);
+        Some(Heading { direction: onward.direction, clearance: None })
+    }
+
+    /// Light that a diffuse surface sends to solids that photons are aimed at: few photons would come there by chance,
+    /// each with the power of many. Photons of little power are left to roulette, and have a typical one then. Returns
+    /// whether that light is taken care of.
+    fn aim(
+        &mut self,
+        at: &Interaction,
+        walk: &Walk<'s>,
+        (arriving, luggage): (Rgb, &Luggage<Flight>),
+        parts: &mut Parts<'s, Flight>,
+    ) -> bool {
+        let Some(typical) = self.tracer.typical.filter(|_| at.bsdf.nature() == Nature::Diffuse) else { return false };
+        let sources = &self.tracer.sources;
+        let Some(direction) = sources.towards_solids(at.point, self.stream) else { return false };
+        let events = luggage.events + 1;
+        if !self.may_store(events) {
+            return true;
+        }
+
+        // Its part, of what goes there by chance and what is aimed.
+        let rival = sources.density_towards_solids(at.point, direction);
+        let mut weight = Rgb::ZERO;
+        Vertex::Surface(at).toward(direction, Side::Light, false, arriving, self.stream, |arriving, sent| {
+            weight += arriving * sent.value / (sent.ahead + rival);
+        });
+        let chance = weight.element_sum() / typical;
+        if chance < 1.0 {
+            if self.stream.uniform() >= chance {
+                return true;
+            }
+            weight /= chance;
+        }
+        let history = luggage.own.history.after(false);
+        let mut part = luggage.part(weight, Flight { history, ..luggage.own });
+        part.events = events;
+        let mut walk = walk.clone();
+        walk.leave(at, direction);
+        parts.push(Part { walk, luggage: part, collision: None });
+        true
+    }
+
+    /// Leaves a photon where it collides, and scatters.
+    fn collide(&mut self, at: &Collision<'_>, luggage: &mut Luggage<Flight>) -> Option<Heading> {
+        self.collided = true;
+        self.chunk.collisions += 1;
+        let history = (luggage.events, luggage.own.history);
+        let power = luggage.weight * at.medium.albedo;
+        let clearance = self.chunk.volume.deposit(&self.tracer.quota, at, history, power, self.stream);
+        let onward = Vertex::Medium(at).onward(Side::Light, None, &mut luggage.weight, self.stream, survive)?;
+        luggage.own.history = luggage.own.history.after(false);
+        Some(Heading { direction: onward.direction, clearance })
+    }
+}

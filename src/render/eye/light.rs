@@ -1,0 +1,192 @@
+//! Light that an eye path asks for at its vertices, and light that it meets on its way.
+
+use std::ops::ControlFlow;
+
+use super::component::Component;
+use super::{Looking, Path};
+use crate::light::Light;
+use crate::math::random::Dimension;
+use crate::math::{DVec3, Ray, Rgb};
+use crate::surface::{Nature, Side};
+use crate::transport::{
+    self, Asked, Collision, Crossing, Flight, Landing, Luggage, Segment, Stop, Turn, Vertex, Visitor, Walk,
+    equiangular, transmit, transmit_straight,
+};
+
+/// Points of glowing media that the first diffuse surface asks for light where photons are gathered: each costs
+/// little beside the queries of a path.
+const EMBERS: u32 = 4;
+
+impl Looking<'_, '_, '_> {
+    /// How many points of glowing media are asked for light where a path turned last.
+    pub(super) fn embers(&self, events: u64) -> u32 {
+        if self.eye.has_photons() && events == 1 { EMBERS } else { 1 }
+    }
+
+    /// Asks for light where a path turns: of glowing media, where it turns diffusely, and straight from a light. `both`: it will
+    /// follow both lobes of a boundary. `landing`: how the collision was drawn, in a medium.
+    pub(super) fn ask(&mut self, at: Vertex<'_>, luggage: &Luggage<Path>, both: bool, landing: Option<&Landing>) {
+        if at.nature() == Nature::Diffuse {
+            for _ in 0..self.embers(luggage.events) {
+                self.ask_glow(at, luggage);
+            }
+        }
+        self.ask_light(at, luggage, both, landing);
+    }
+
+    /// Light of a point of a glowing medium.
+    fn ask_glow(&mut self, at: Vertex<'_>, luggage: &Luggage<Path>) {
+        let count = self.embers(luggage.events);
+        let stream = &mut *self.context.stream;
+        let Some(ember) = self.eye.glows.draw(at.point(), stream) else { return };
+        let mut weight = Rgb::ZERO;
+        at.toward(ember.direction, Side::Eye, false, luggage.weight, stream, |arriving, sent| {
+            weight += arriving * sent.value * ember.radiance * ember.weight(count, sent.ahead.x);
+        });
+        if weight.max_element() > 0.0 {
+            at.transmit(self.eye.scene, ember.direction, ember.distance, &mut weight, stream);
+            self.sample.radiance[luggage.own.component(luggage.events, false) as usize] += weight;
+        }
+    }
+
+    /// Light straight from a light.
+    pub(super) fn ask_light(&mut self, at: Vertex<'_>, luggage: &Luggage<Path>, both: bool, landing: Option<&Landing>) {
+        let (scene, stream) = (self.eye.scene, &mut *self.context.stream);
+        let Some(asked) = Asked::draw(scene, at.point(), stream) else { return };
+        let Asked { light, arrival, .. } = asked;
+
+        // Who else might have found it: the path by chance, and in media the equiangular draw of the collision.
+        let straight_on = landing.is_some() && self.eye.straight_on();
+        let others = landing.map_or(0.0, |landing| landing.rival(scene, light, &arrival));
+        let mut weight = Rgb::ZERO;
+        at.toward(arrival.direction, Side::Eye, both, luggage.weight, stream, |arriving, sent| {
+            let met = if straight_on { Rgb::ZERO } else { sent.ahead };
+            weight += arriving * sent.value * asked.over(met, others);
+        });
+        if weight.max_element() <= 0.0 {
+            return;
+        }
+
+        // What is in its way.
+        match at {
+            Vertex::Medium(at) if straight_on => {
+                let towards = Ray::new(at.point, arrival.direction);
+                let most = self.eye.left_after(luggage.events);
+                transmit_straight(scene, towards, at.inside, arrival.distance, most, &mut weight, stream);
+            }
+            _ => at.transmit(scene, arrival.direction, arrival.distance, &mut weight, stream),
+        }
+        self.sample.radiance[luggage.own.component(luggage.events, true) as usize] += weight;
+    }
+
+    /// Light straight from a light, scattered at a collision, the last event of its path: asked for, and met by
+    /// chance, which wide lights and sharp phase functions need.
+    pub(super) fn light_once(&mut self, at: &Collision<'_>, mut luggage: Luggage<Path>, landing: Landing) {
+        let scene = self.eye.scene;
+        self.ask_light(Vertex::Medium(at), &luggage, false, Some(&landing));
+        if self.eye.straight_on() || !self.eye.lights_have_size {
+            return;
+        }
+        let (direction, density) = at.medium.phase.sample(at.direction, self.context.stream);
+        luggage.weight *= at.medium.albedo;
+        luggage.own.turn = Turn::Medium { point: at.point, density, landing };
+        let mut walk = Walk::new(scene, Ray::new(at.point, direction), at.inside.clone());
+        let mut arriving = Arriving { looking: self, luggage: &mut luggage };
+        if let Stop::Escaped = walk.advance(&mut arriving) {
+            self.escape(direction, &luggage);
+        }
+    }
+
+    /// Light straight from a light, scattered on a segment where an equiangular draw says: finds what collisions by chance find
+    /// badly, close to small lights and in thin media. `by_flight` tells with what density collisions are drawn there otherwise.
+    pub(super) fn light_equiangularly(
+        &mut self,
+        segment: &Segment<'_>,
+        flight: &Flight,
+        luggage: &Luggage<Path>,
+        by_flight: impl Fn(f64) -> f64,
+    ) {
+        let (scene, stream) = (self.eye.scene, &mut *self.context.stream);
+        let medium = &scene.media[segment.medium as usize];
+        let draw = stream.draw(Dimension::Equiangular, |stream| equiangular::draw(scene, flight, stream));
+        let Some(draw) = draw else { return };
+        let point = segment.ray.at(draw.t);
+        let density = medium.density.at(point);
+        if density <= 0.0 {
+            return;
+        }
+
+        // Its part, where flights draw that collision, and the light is asked for or met from there.
+        let phase = medium.phase.value(segment.ray.direction, draw.arrival.direction);
+        let asked = scene.light_choice(draw.light, point) * draw.arrival.density;
+        let met = if self.eye.straight_on() { 0.0 } else { phase };
+        let scattering = medium.extinction * medium.albedo * (density * phase);
+        let mut weight = luggage.weight * scattering * draw.over(by_flight(draw.t), asked, met);
+
+        // What passes from the light to the collision, and from there on.
+        transport::pass(medium, segment.ray, (segment.a, draw.t), &mut weight, stream);
+        if weight.max_element() <= 0.0 {
+            return;
+        }
+        let events = luggage.events + 1;
+        let (towards, distance) = (Ray::new(point, draw.arrival.direction), draw.arrival.distance);
+        if self.eye.straight_on() {
+            let most = self.eye.left_after(events);
+            transmit_straight(scene, towards, segment.inside, distance, most, &mut weight, stream);
+        } else {
+            transmit(scene, towards, segment.inside, distance, &mut weight, stream);
+        }
+        self.sample.radiance[luggage.own.scattered().component(events, true) as usize] += weight;
+    }
+
+    /// Light that a path meets by chance on a shape that shines.
+    pub(super) fn meet(&mut self, crossing: &Crossing<'_>, luggage: &Luggage<Path>) {
+        let Light::Area(area) = &self.eye.scene.lights[crossing.light as usize] else { return };
+        let radiance = area.radiance(crossing.hit.normal, -crossing.ray.direction);
+        if radiance.max_element() > 0.0 {
+            let share = luggage.own.turn.share_of_crossing(self.eye.scene, crossing);
+            let component = luggage.own.component(luggage.events, true);
+            self.sample.radiance[component as usize] += luggage.weight * radiance * share;
+        }
+    }
+
+    /// Light from infinity, met by chance.
+    pub(super) fn escape(&mut self, direction: DVec3, luggage: &Luggage<Path>) {
+        let component = luggage.own.component(luggage.events, true) as usize;
+        for (index, light) in self.eye.scene.lights.iter().enumerate() {
+            let radiance = light.escaping(direction);
+            if radiance.max_element() > 0.0 {
+                let share = luggage.own.turn.share_of_escape(self.eye.scene, index as u32, direction);
+                self.sample.radiance[component] += luggage.weight * radiance * share;
+            }
+        }
+    }
+}
+
+impl Path {
+    /// The component of light that this path finds after so many events: `straight` from a light, or from a glowing medium.
+    pub(super) fn component(&self, events: u64, straight: bool) -> Component {
+        Component::of(self.first, events, straight)
+    }
+}
+
+/// Light met by chance from a collision: no more is done to it than to pass.
+struct Arriving<'a, 'e, 'c, 's> {
+    looking: &'a mut Looking<'e, 'c, 's>,
+    luggage: &'a mut Luggage<Path>,
+}
+
+impl Visitor for Arriving<'_, '_, '_, '_> {
+    type End = ();
+
+    fn segment(&mut self, segment: &Segment<'_>) -> ControlFlow<()> {
+        let medium = &self.looking.eye.scene.media[segment.medium as usize];
+        let range = (segment.a, segment.b);
+        transport::pass(medium, segment.ray, range, &mut self.luggage.weight, self.looking.context.stream);
+        if self.luggage.weight.max_element() > 0.0 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    }
+
+    fn crossing(&mut self, crossing: &Crossing<'_>) {
+        self.looking.meet(crossing, self.luggage);
+    }
+}

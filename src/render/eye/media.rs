@@ -1,0 +1,207 @@
+//! What an eye path does with a segment of a medium: collide by chance, split into a part that collides and one that does
+//! not, or gather photons along all of it.
+
+use std::ops::ControlFlow;
+
+use super::component::{Component, First};
+use super::{Claim, Context, Looking, Mode, Path};
+use crate::gather::{self, PointMaps, Reach, VolumeMaps};
+use crate::math::random::Dimension;
+use crate::medium::{Emission, Medium};
+use crate::photon::walls;
+use crate::transport::{self, Events, Flight, Landing, Luggage, Part, Parts, Segment, Walk};
+
+impl<'s> Looking<'_, '_, 's> {
+    /// Passes a segment, or breaks at the parameter where the path collides.
+    pub(super) fn pass(
+        &mut self,
+        segment: &Segment<'_>,
+        luggage: &mut Luggage<Path>,
+        parts: &mut Parts<'s, Path>,
+    ) -> ControlFlow<f64> {
+        let medium = &self.eye.scene.media[segment.medium as usize];
+        match self.eye.settings.mode {
+            Mode::Gather(maps) => self.gather(maps, segment, medium, luggage),
+            Mode::March(maps) => self.march(maps, segment, medium, luggage),
+            Mode::Track | Mode::Split => return self.fly(segment, medium, luggage, parts),
+        }
+        ControlFlow::Continue(())
+    }
+
+    /// A path without photons.
+    fn fly(
+        &mut self,
+        segment: &Segment<'_>,
+        medium: &Medium,
+        luggage: &mut Luggage<Path>,
+        parts: &mut Parts<'s, Path>,
+    ) -> ControlFlow<f64> {
+        let flight = Flight::new(segment, medium, luggage.weight);
+        let splits = luggage.own.splits;
+        if medium.scatters() && self.eye.settings.max_events.allows(luggage.events) {
+            let by_flight = |t| {
+                let certain = splits.then(|| flight.certain(medium));
+                certain.as_ref().unwrap_or(&flight).flight_density(medium, t)
+            };
+            self.light_equiangularly(segment, &flight, luggage, by_flight);
+        }
+        if splits {
+            self.split(segment, flight, medium, luggage, parts);
+            return ControlFlow::Continue(());
+        }
+        self.track(segment, flight, medium, luggage)
+    }
+
+    /// A collision by chance.
+    fn track(
+        &mut self,
+        segment: &Segment<'_>,
+        flight: Flight,
+        medium: &Medium,
+        luggage: &mut Luggage<Path>,
+    ) -> ControlFlow<f64> {
+        let range = (segment.a, segment.b);
+        if matches!(medium.emission, Emission::Uniform(_)) {
+            self.glow(segment, medium, luggage);
+        }
+
+        // What voxels emit is met on the way.
+        let rival = luggage.own.turn.rival(&self.eye.glows, segment.medium, self.embers(luggage.events));
+        let component = luggage.own.component(luggage.events, false) as usize;
+        let glows = matches!(medium.emission, Emission::BlackBody { .. });
+        let Context { stream, tally, .. } = &mut *self.context;
+        let radiance = &mut self.sample.radiance[component];
+        let weight = &mut luggage.weight;
+        let collision = stream.draw(Dimension::Flight, |stream| {
+            transport::fly(medium, segment.ray, range, weight, stream, tally, |t, weight| {
+                if glows {
+                    let point = segment.ray.at(t);
+                    let share = rival.map_or(1.0, |rival| rival.share(point));
+                    *radiance += weight * medium.emitted(point) * share;
+                }
+            })
+        });
+
+        let Some(t) = collision else { return ControlFlow::Continue(()) };
+        luggage.own.landing = Some(Landing::new(flight, medium, t));
+        ControlFlow::Break(t)
+    }
+
+    /// One part collides, and is followed later; the other goes on.
+    fn split(
+        &mut self,
+        segment: &Segment<'_>,
+        mut flight: Flight,
+        medium: &Medium,
+        luggage: &mut Luggage<Path>,
+        parts: &mut Parts<'s, Path>,
+    ) {
+        self.glow(segment, medium, luggage);
+        let (range, weight) = ((segment.a, segment.b), luggage.weight);
+        let force = |stream: &mut _| transport::force(medium, segment.ray, range, weight, stream);
+        let forced = self.context.stream.draw(Dimension::Flight, force);
+        luggage.weight *= forced.passed;
+        let Some((t, weight)) = forced.collision else { return };
+        flight.chance = forced.chance;
+        let landing = Some(Landing::new(flight, medium, t));
+        let own = Path { splits: false, landing, ..luggage.own.clone() };
+        parts.push(Part {
+            walk: Walk::within(self.eye.scene, segment),
+            luggage: luggage.part(weight, own),
+            collision: Some((t, segment.medium)),
+        });
+    }
+
+    /// What a medium emits, met by chance.
+    fn glow(&mut self, segment: &Segment<'_>, medium: &Medium, luggage: &Luggage<Path>) {
+        let (ray, range, weight) = (segment.ray, (segment.a, segment.b), luggage.weight);
+        let rival = luggage.own.turn.rival(&self.eye.glows, segment.medium, self.embers(luggage.events));
+        let stream = &mut *self.context.stream;
+        let radiance = match (&medium.emission, &rival) {
+            (Emission::None, _) => return,
+            (Emission::Uniform(radiance), Some(rival)) => {
+                // The share has no closed integral: one point, drawn as a collision.
+                let collision = transport::force(medium, ray, range, weight, stream).collision;
+                let Some((t, weight)) = collision else { return };
+                weight * (1.0 - medium.albedo) * *radiance * rival.share(ray.at(t))
+            }
+            _ => {
+                let share = |p| rival.map_or(1.0, |rival| rival.share(p));
+                weight * gather::emitted(medium, ray, range, || stream.uniform(), share)
+            }
+        };
+        self.sample.radiance[luggage.own.component(luggage.events, false) as usize] += radiance;
+    }
+
+    /// Photons along a segment, by a beam query.
+    fn gather(&mut self, maps: &VolumeMaps, segment: &Segment<'_>, medium: &Medium, luggage: &mut Luggage<Path>) {
+        self.light_itself(segment, medium, luggage);
+        let (reach, counts) = self.reach(segment, luggage);
+        let claim = counts.then_some(Claim {
+            pixel: self.context.pixel,
+            weight: luggage.weight,
+            components: luggage.own.gathered(),
+        });
+        luggage.weight *= maps.gather(medium, reach, claim, self.context.queue);
+    }
+
+    /// Photons along a segment, by point queries.
+    fn march(&mut self, maps: &PointMaps, segment: &Segment<'_>, medium: &Medium, luggage: &mut Luggage<Path>) {
+        self.light_itself(segment, medium, luggage);
+        let (reach, counts) = self.reach(segment, luggage);
+        if counts {
+            let scene = self.eye.scene;
+            let near = |position, radius, planes: &mut _| walls::near(scene, position, radius, false, planes);
+            let Context { queue, stream, .. } = &mut *self.context;
+            let marched = (medium, &reach, luggage.weight);
+            let gathered = maps.gather(marched, &near, stream, &mut queue.marching, &mut queue.stats);
+            for (component, radiance) in luggage.own.gathered().into_iter().zip(gathered) {
+                self.sample.radiance[component as usize] += luggage.weight * radiance;
+            }
+        }
+        luggage.weight *= medium.transmittance(medium.density.depth(segment.ray, segment.a, segment.b));
+    }
+
+    /// Light of a segment that no photon brings: what the medium emits and, if lights are asked for it, what is scattered once.
+    fn light_itself(&mut self, segment: &Segment<'_>, medium: &Medium, luggage: &Luggage<Path>) {
+        self.glow(segment, medium, luggage);
+        let settings = &self.eye.settings;
+        let asks = settings.single_scattering.asks_lights() && settings.max_events.allows(luggage.events);
+        if asks && medium.scatters() {
+            let marcher = settings.marchers.map(|marchers| marchers[segment.medium as usize]);
+            match marcher.zip(medium.density.support().clip(segment.ray, segment.a, segment.b)) {
+                Some((marcher, (a, b))) if b.is_finite() => {
+                    self.march_single(segment, medium, &marcher, (a, b), luggage);
+                }
+                _ => self.trace_single(segment, medium, luggage),
+            }
+        }
+    }
+
+    /// What is to be gathered along a segment, and whether any photon may count.
+    fn reach(&self, segment: &Segment<'_>, luggage: &Luggage<Path>) -> (Reach, bool) {
+        // A photon's events, this scattering and those on the eye's side.
+        let left = self.eye.settings.max_events.left_after(luggage.events + 1);
+        let reach = Reach {
+            ray: *segment.ray,
+            a: segment.a,
+            b: segment.b,
+            medium: segment.medium,
+            region: self.eye.scene.region(segment.inside),
+            max_events: left.map_or(0, Events::in_a_byte),
+            from_camera: luggage.events == 0,
+        };
+        (reach, left.is_some())
+    }
+}
+
+impl Path {
+    /// Where light goes that a medium scattered once on its way to the path, and all other.
+    fn gathered(&self) -> [Component; 2] {
+        match self.first {
+            None => [Component::VolumeSingle, Component::VolumeMultiple],
+            Some(First::Specular) => [Component::Specular; 2],
+            Some(_) => [Component::Indirect; 2],
+        }
+    }
+}

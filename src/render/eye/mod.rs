@@ -1,0 +1,287 @@
+//! Eye paths: radiance along a camera ray, by the unbiased path tracer or from photons.
+//!
+//! Both travel alike from surface to surface. They differ in the media between: a path either collides
+//! there by chance, or, where collisions are rare, splits into a part that does and one that does not;
+//! with photons it never collides, and gathers along every segment instead.
+
+mod claim;
+mod component;
+mod light;
+mod media;
+mod roulette;
+mod single;
+
+use std::ops::ControlFlow;
+
+pub use claim::Claim;
+pub use component::{Component, Sample};
+
+use crate::gather::march::Marcher;
+use crate::gather::{PointMaps, Queue, VolumeMaps};
+use crate::light::Light;
+use crate::math::{DVec3, Ray, Rgb, Stream};
+use crate::scene::description::SingleScattering;
+use crate::scene::{Inside, Scene};
+use crate::surface::{Lobe, Nature, Side};
+use crate::transport::{
+    Collision, Crossing, Events, Glows, Heading, Interaction, Landing, Luggage, Part, Parts, Segment, Tally, Traveller,
+    Turn, Vertex, Walk, travel,
+};
+use component::First;
+
+/// How media are dealt with.
+#[derive(Clone, Copy)]
+pub enum Mode<'a> {
+    /// Paths collide by chance.
+    Track,
+    /// Paths that have not collided yet split on every segment.
+    Split,
+    /// Light is gathered from photons, by beam queries.
+    Gather(&'a VolumeMaps),
+    /// Light is gathered from photons, by point queries.
+    March(&'a PointMaps),
+}
+
+/// What an eye is told beside the scene.
+#[derive(Clone, Copy)]
+pub struct EyeSettings<'s> {
+    /// How media are dealt with.
+    pub mode: Mode<'s>,
+    /// How many events a path may have between light and eye.
+    pub max_events: Events,
+    /// Who finds light that a medium scatters straight from a light, where all other comes from photons.
+    pub single_scattering: SingleScattering,
+    /// How rays are marched through each medium where lights are asked for that light; `None`: they are not, and one place
+    /// is enough.
+    pub marchers: Option<&'s [Marcher]>,
+}
+
+/// Computes radiance along rays.
+pub struct Eye<'s> {
+    scene: &'s Scene,
+    settings: EyeSettings<'s>,
+    glows: Glows<'s>,
+    /// Whether rays can meet any light by chance.
+    lights_have_size: bool,
+}
+
+/// What an eye path remembers.
+#[derive(Clone)]
+pub struct Path {
+    first: Option<First>,
+    /// Whether it has met a diffuse surface.
+    diffuse: bool,
+    /// Whether it splits in media.
+    splits: bool,
+    /// Where it turned last.
+    turn: Turn,
+    /// How the collision was drawn to which it comes next, where it does.
+    landing: Option<Landing>,
+}
+
+impl Path {
+    /// This path with a collision behind it.
+    fn scattered(&self) -> Path {
+        let first = self.first.or(Some(First::Medium));
+        Path { first, turn: Turn::Specular, landing: None, ..*self }
+    }
+}
+
+/// What a sample needs beside the scene.
+pub struct Context<'c, 's> {
+    /// Its random numbers.
+    pub stream: &'c mut Stream,
+    /// Segments that wait for light from photons.
+    pub queue: &'c mut Queue<Claim>,
+    /// The pixel that claims are made for, by the caller's count.
+    pub pixel: u32,
+    /// Counts of mishaps.
+    pub tally: &'c mut Tally,
+    /// Room for parts of paths that are yet to be followed; empty between samples.
+    pub parts: &'c mut Parts<'s, Path>,
+}
+
+impl<'s> Eye<'s> {
+    /// An eye in a scene.
+    pub fn new(scene: &'s Scene, settings: EyeSettings<'s>) -> Self {
+        let lights_have_size = scene.lights.iter().any(Light::has_size);
+        Eye { scene, settings, glows: Glows::new(scene), lights_have_size }
+    }
+
+    /// How it deals with media.
+    pub fn mode(&self) -> Mode<'s> {
+        self.settings.mode
+    }
+
+    /// What is seen along `ray`, which starts inside these solids.
+    pub fn look(&self, ray: Ray, inside: Inside, context: &mut Context<'_, 's>) -> Sample {
+        let mut sample = Sample::default();
+        let splits = matches!(self.settings.mode, Mode::Split);
+        let own = Path { first: None, diffuse: false, splits, turn: Turn::Specular, landing: None };
+        let walk = Walk::start(self.scene, ray, inside);
+        let part = Part { walk, luggage: Luggage::new(Rgb::ONE, own), collision: None };
+        let mut parts = std::mem::take(context.parts);
+        travel(&mut Looking { eye: self, sample: &mut sample, context }, part, &mut parts);
+        *context.parts = parts;
+        claim::check(&mut sample.radiance, context.tally);
+        sample
+    }
+
+    /// Whether light in media comes from photons.
+    fn has_photons(&self) -> bool {
+        matches!(self.settings.mode, Mode::Gather(_) | Mode::March(_))
+    }
+
+    /// Whether light to a medium goes straight on through refracting boundaries.
+    fn straight_on(&self) -> bool {
+        self.settings.single_scattering.goes_straight_on()
+    }
+
+    /// How many more events a path may have; none where it has had too many.
+    fn left_after(&self, events: u64) -> Events {
+        self.settings.max_events.left_after(events).unwrap_or(Events::at_most(0))
+    }
+}
+
+/// An eye path on its way.
+struct Looking<'e, 'c, 's> {
+    eye: &'e Eye<'s>,
+    sample: &'e mut Sample,
+    context: &'e mut Context<'c, 's>,
+}
+
+impl<'s> Traveller<'s> for Looking<'_, '_, 's> {
+    type Own = Path;
+
+    fn scene(&self) -> &'s Scene {
+        self.eye.scene
+    }
+
+    fn stream(&mut self) -> &mut Stream {
+        self.context.stream
+    }
+
+    fn segment(
+        &mut self,
+        segment: &Segment<'_>,
+        luggage: &mut Luggage<Path>,
+        parts: &mut Parts<'s, Path>,
+    ) -> ControlFlow<f64> {
+        self.pass(segment, luggage, parts)
+    }
+
+    fn crossing(&mut self, crossing: &Crossing<'_>, luggage: &mut Luggage<Path>) {
+        self.meet(crossing, luggage);
+    }
+
+    fn turn(
+        &mut self,
+        at: Vertex<'_>,
+        walk: &Walk<'s>,
+        luggage: &mut Luggage<Path>,
+        parts: &mut Parts<'s, Path>,
+    ) -> Option<Heading> {
+        match at {
+            Vertex::Surface(at) => self.reflect(at, walk, luggage, parts),
+            Vertex::Medium(at) => self.collide(at, luggage),
+        }
+    }
+
+    fn escapes(&mut self, direction: DVec3, luggage: &Luggage<Path>) {
+        self.escape(direction, luggage);
+    }
+
+    fn stopped(&mut self) {
+        self.context.tally.stopped += 1;
+    }
+}
+
+impl<'s> Looking<'_, '_, 's> {
+    /// Scatters at a surface.
+    fn reflect(
+        &mut self,
+        at: &Interaction,
+        walk: &Walk<'s>,
+        luggage: &mut Luggage<Path>,
+        parts: &mut Parts<'s, Path>,
+    ) -> Option<Heading> {
+        let (vertex, nature) = (Vertex::Surface(at), at.bsdf.nature());
+        let albedo = vertex.albedo();
+
+        // What denoisers and compositors ask for, of the first surface.
+        if luggage.own.first.is_none() && self.sample.depth.is_infinite() {
+            self.sample.depth = at.t;
+            self.sample.normal = at.incidence.shading_normal;
+            self.sample.albedo = albedo;
+        }
+
+        // The event.
+        if !self.eye.settings.max_events.allows(luggage.events) {
+            return None;
+        }
+        luggage.events += 1;
+        let diffuse = nature == Nature::Diffuse;
+        luggage.own.first.get_or_insert(if diffuse { First::Diffuse } else { First::Specular });
+        luggage.own.diffuse |= diffuse;
+        if albedo.max_element() <= 0.0 {
+            return None;
+        }
+
+        // Light asked for.
+        let lesser = self.splits(luggage, at);
+        if nature != Nature::Specular {
+            self.ask(vertex, luggage, lesser.is_some(), None);
+        }
+
+        // On, both ways where that matters: the lesser part waits.
+        let Some(lesser) = lesser else { return self.send(at, luggage, None) };
+        let mut other = luggage.part(luggage.weight, luggage.own.clone());
+        let heading = self.send(at, luggage, Some(lesser.other()));
+        if let Some(Heading { direction, .. }) = self.send(at, &mut other, Some(lesser)) {
+            let mut walk = walk.clone();
+            walk.leave(at, direction);
+            parts.push(Part { walk, luggage: other, collision: None });
+        }
+        heading
+    }
+
+    /// Draws where a path goes on from a surface.
+    fn send(&mut self, at: &Interaction, luggage: &mut Luggage<Path>, lobe: Option<Lobe>) -> Option<Heading> {
+        let always = |weight: &mut Rgb, factor: Rgb, _: &mut Stream| {
+            *weight *= factor;
+            true
+        };
+        let vertex = Vertex::Surface(at);
+        let onward = vertex.onward(Side::Eye, lobe, &mut luggage.weight, self.context.stream, always)?;
+        luggage.own.turn = if onward.density > 0.0 {
+            let glows = vertex.nature() == Nature::Diffuse;
+            Turn::Surface { point: at.point, density: onward.density, glows }
+        } else {
+            Turn::Specular
+        };
+        let goes_on = self.outlives(&mut luggage.weight, luggage.own.diffuse, at.around(onward.direction));
+        goes_on.then_some(Heading { direction: onward.direction, clearance: None })
+    }
+
+    /// Scatters at a collision in a medium.
+    fn collide(&mut self, at: &Collision<'_>, luggage: &mut Luggage<Path>) -> Option<Heading> {
+        if !self.eye.settings.max_events.allows(luggage.events) {
+            return None;
+        }
+        luggage.events += 1;
+        luggage.own.first.get_or_insert(First::Medium);
+        let landing = luggage.own.landing.take()?;
+        let vertex = Vertex::Medium(at);
+        self.ask(vertex, luggage, false, Some(&landing));
+
+        // On.
+        luggage.weight *= at.medium.albedo;
+        if !self.outlives(&mut luggage.weight, luggage.own.diffuse, at.inside) {
+            return None;
+        }
+        let keep = |_: &mut Rgb, _: Rgb, _: &mut Stream| true;
+        let onward = vertex.onward(Side::Eye, None, &mut luggage.weight, self.context.stream, keep)?;
+        luggage.own.turn = Turn::Medium { point: at.point, density: onward.density, landing };
+        Some(Heading { direction: onward.direction, clearance: None })
+    }
+}

@@ -1,0 +1,135 @@
+//! Pilots: a few camera paths that tell what a scene is like, before it is rendered.
+
+use std::ops::ControlFlow;
+
+use super::camera::Camera;
+use crate::math::random::Purpose;
+use crate::math::{Ray, Rgb, Stream};
+use crate::scene::Scene;
+use crate::surface::Side;
+use crate::transport::{Heading, Luggage, Part, Parts, Segment, Tally, Traveller, Vertex, Walk, fly, survive, travel};
+use crate::{Error, Result};
+
+/// Camera paths that tell how often paths collide.
+const PILOT: u64 = 2000;
+/// Where fewer paths than this share collide, they split.
+const RARE: f64 = 0.01;
+
+/// A few paths that tell what a scene is like.
+pub(super) struct Pilot<'s> {
+    pub scene: &'s Scene,
+    pub camera: &'s Camera,
+    /// What all random numbers derive from.
+    pub seed: u64,
+}
+
+/// How a walk of the pilot went.
+enum Wandered {
+    Ended { collided: bool },
+    TooLong,
+}
+
+/// A path that walks by chance, and is only counted.
+struct Wanderer<'s, 't> {
+    scene: &'s Scene,
+    stream: &'t mut Stream,
+    /// It gives up after so many events.
+    most: u64,
+    collided: bool,
+    too_long: bool,
+}
+
+impl<'s> Traveller<'s> for Wanderer<'s, '_> {
+    type Own = ();
+
+    fn scene(&self) -> &'s Scene {
+        self.scene
+    }
+
+    fn stream(&mut self) -> &mut Stream {
+        self.stream
+    }
+
+    fn segment(&mut self, segment: &Segment<'_>, luggage: &mut Luggage<()>, _: &mut Parts<'s, ()>) -> ControlFlow<f64> {
+        let medium = &self.scene.media[segment.medium as usize];
+        let (range, mut tally) = ((segment.a, segment.b), Tally::default());
+        let collision = fly(medium, segment.ray, range, &mut luggage.weight, self.stream, &mut tally, |_, _| {});
+        collision.map_or(ControlFlow::Continue(()), ControlFlow::Break)
+    }
+
+    fn turn(
+        &mut self,
+        at: Vertex<'_>,
+        _: &Walk<'s>,
+        luggage: &mut Luggage<()>,
+        _: &mut Parts<'s, ()>,
+    ) -> Option<Heading> {
+        self.collided |= matches!(at, Vertex::Medium(_));
+        let onward = at.onward(Side::Light, None, &mut luggage.weight, self.stream, survive)?;
+        luggage.events += 1;
+        self.too_long = luggage.events >= self.most;
+        (!self.too_long).then_some(Heading { direction: onward.direction, clearance: None })
+    }
+
+    fn stopped(&mut self) {
+        self.too_long = true;
+    }
+}
+
+fn wander(scene: &Scene, ray: Ray, most: u64, stream: &mut Stream) -> Wandered {
+    let walk = Walk::start(scene, ray, scene.inside(ray.origin));
+    let mut wanderer = Wanderer { scene, stream, most, collided: false, too_long: false };
+    let start = Part { walk, luggage: Luggage::new(Rgb::ONE, ()), collision: None };
+    travel(&mut wanderer, start, &mut Parts::new());
+    match wanderer {
+        Wanderer { too_long: true, .. } => Wandered::TooLong,
+        Wanderer { collided, .. } => Wandered::Ended { collided },
+    }
+}
+
+impl Pilot<'_> {
+    /// A walk from a place of the film.
+    fn walk(&self, most: u64, stream: &mut Stream) -> Wandered {
+        let x = (stream.uniform() * self.camera.size().0 as f64) as u32;
+        let y = (stream.uniform() * self.camera.size().1 as f64) as u32;
+        let ray = self.camera.ray(x, y, stream);
+        wander(self.scene, ray, most, stream)
+    }
+
+    /// Whether so few paths collide that all of them should split.
+    pub fn collisions_are_rare(&self, parts: u32) -> bool {
+        const LONG_ENOUGH: u64 = 1000;
+        let mut collided = 0;
+        for index in 0..PILOT {
+            let mut stream = Stream::new(self.seed, Purpose::Pilot, index, parts as u64);
+            if !matches!(self.walk(LONG_ENOUGH, &mut stream), Wandered::Ended { collided: false }) {
+                collided += 1;
+            }
+        }
+        (collided as f64) < RARE * PILOT as f64
+    }
+
+    /// Where nothing absorbs, nothing escapes, and no limit ends a path, there is no steady state.
+    pub fn refuse_eternity(&self) -> Result<()> {
+        let scene = self.scene;
+        let absorbs = |albedo: Rgb| albedo.min_element() < 1.0;
+        let surfaces = scene.surfaces.iter().any(|surface| surface.material.absorbs());
+        let media = scene.media.iter().any(|medium| !medium.is_clear() && absorbs(medium.albedo));
+        if surfaces || media {
+            return Ok(());
+        }
+        // Nothing absorbs: does anything escape?
+        const WALKS: u64 = 32;
+        const LONG: u64 = 100_000;
+        for index in 0..WALKS {
+            let mut stream = Stream::new(self.seed, Purpose::Pilot, index, u64::MAX);
+            if matches!(self.walk(LONG, &mut stream), Wandered::Ended { .. }) {
+                return Ok(());
+            }
+        }
+        Err(Error::Scene(
+            "light in this scene neither escapes nor is absorbed, so it has no steady state: open the scene, lower a reflectance or an albedo below 1, or limit render.max_depth"
+                .to_string(),
+        ))
+    }
+}

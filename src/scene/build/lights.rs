@@ -1,0 +1,115 @@
+//! Lights, placed.
+
+use std::path::Path;
+
+use super::{Builder, Part, Shine};
+use crate::geometry::{Disk, Placed, Shape, Sphere};
+use crate::image;
+use crate::light::{self, Cone, Directional, Environment, Light, Point, Profile, Sides, Spot};
+use crate::math::{DAffine3, Rgb};
+use crate::scene::Surface;
+use crate::scene::description::{self as said, LightKind};
+use crate::surface::{Bsdf, Lambert, Material};
+use crate::{Error, Result};
+
+impl Builder<'_> {
+    /// Places lights: those with a size as shapes that shine.
+    pub(super) fn place_lights(&mut self) -> Result<()> {
+        let description = self.description;
+        for said in &description.lights {
+            let black = Material::Opaque(Bsdf::Lambert(Lambert { reflectance: Rgb::ZERO }));
+            let fail = |error: Error| said.place.error(error);
+            match &said.kind {
+                LightKind::Point { position, intensity, radius } => {
+                    if intensity.max_element() <= 0.0 {
+                        continue;
+                    }
+                    let position = *position - self.center;
+                    if *radius > 0.0 {
+                        let sphere = Sphere::new(position, *radius).map_err(fail)?;
+                        let power = Shine::Power(4.0 * std::f64::consts::PI * *intensity, Sides::Out);
+                        self.lamp(Shape::Sphere(sphere), black, power).map_err(fail)?;
+                    } else {
+                        self.lights.push(Light::Point(Point { position, intensity: *intensity }));
+                    }
+                }
+                LightKind::Spot { position, direction, intensity, inner_angle, outer_angle, radius } => {
+                    if intensity.max_element() <= 0.0 {
+                        continue;
+                    }
+                    let position = *position - self.center;
+                    let cone = Cone::new(*direction, inner_angle.to_radians(), outer_angle.to_radians());
+                    if *radius > 0.0 {
+                        let disc = Disk::new(position, *direction, *radius).map_err(fail)?;
+                        let shine = Shine::Disc(Profile::Spot(*intensity, cone));
+                        self.lamp(Shape::Disk(disc), Material::None, shine).map_err(fail)?;
+                    } else {
+                        self.lights.push(Light::Spot(Spot { position, intensity: *intensity, cone }));
+                    }
+                }
+                LightKind::Directional { direction, irradiance, angle, beam } => {
+                    if irradiance.max_element() <= 0.0 {
+                        continue;
+                    }
+                    let half = 0.5 * angle.to_radians();
+                    let cone = Cone::new(*direction, half, half);
+                    match beam {
+                        Some(beam) if *angle > 0.0 => {
+                            let center = beam.center - self.center;
+                            let disc = Disk::new(center, *direction, beam.radius).map_err(fail)?;
+                            let radiance = light::cone_radiance(*irradiance, cone.outer);
+                            let shine = Shine::Disc(Profile::Beam(radiance, cone));
+                            self.lamp(Shape::Disk(disc), Material::None, shine).map_err(fail)?;
+                        }
+                        _ => self.lights.push(Light::Directional(Directional {
+                            direction: *direction,
+                            irradiance: *irradiance,
+                            cone: cone.outer,
+                            beam: beam.map(|beam| (beam.center - self.center, beam.radius)),
+                        })),
+                    }
+                }
+                LightKind::Environment { source, scale, rotate } => {
+                    if scale.max_element() <= 0.0 {
+                        continue;
+                    }
+                    let light = match source {
+                        said::EnvironmentSource::Constant(radiance) => {
+                            let radiance = *radiance * *scale;
+                            (radiance.max_element() > 0.0).then(|| Environment::constant(radiance))
+                        }
+                        said::EnvironmentSource::Image(file) => {
+                            let image = read_environment(&file.value).map_err(|error| file.place.error(error))?;
+                            let light = Environment::image(image, *scale, rotate.to_radians());
+                            if light.is_none() {
+                                self.warnings.push(format!("{}: the image is black: no light", file.place));
+                            }
+                            light
+                        }
+                    };
+                    self.lights.extend(light.map(Light::Environment));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn lamp(&mut self, shape: Shape, material: Material, shine: Shine) -> Result<()> {
+        let placed = Placed::new(shape, DAffine3::IDENTITY)?;
+        let surface = Surface { material, solid: None, light: None };
+        self.parts.push(Part { placed, surface, solid: None, emission: Some(shine) });
+        Ok(())
+    }
+}
+
+fn read_environment(path: &Path) -> Result<image::Image> {
+    let picture = image::read(path)?;
+    match picture.image.pixels.iter().position(|p| p.iter().any(|c| !c.is_finite() || *c < 0.0)) {
+        None => Ok(picture.image),
+        Some(at) => {
+            let (x, y) = (at % picture.image.width, at / picture.image.width);
+            let value = picture.image.pixels[at];
+            Err(Error::asset(path, format!("pixel ({x}, {y}) is {value:?}; radiance must be finite and not negative")))
+        }
+    }
+}

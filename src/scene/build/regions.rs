@@ -1,0 +1,106 @@
+//! What a scene's parts make together: regions, surroundings, and darkness beyond an endless medium.
+
+use std::collections::HashMap;
+
+use crate::light::{Light, Surroundings};
+use crate::math::{Bounds, Rgb};
+use crate::medium::density::Density;
+use crate::scene::{Scene, Solid};
+
+/// Numbers the regions: solids with the same medium and index that touch share one, as does the world.
+pub(super) fn join_regions(scene: &mut Scene) {
+    let count = scene.solids.len();
+    // Union–find over solids and, last, the world.
+    let mut parent: Vec<usize> = (0..=count).collect();
+    fn root(parent: &mut [usize], mut i: usize) -> usize {
+        while parent[i] != i {
+            parent[i] = parent[parent[i]];
+            i = parent[i];
+        }
+        i
+    }
+    let margin = 1e-9 * scene.geometry.all_bounds().diagonal();
+    let boxes: Vec<Bounds> =
+        scene.solids.iter().map(|solid| scene.geometry.bounds(solid.shape).grown(margin)).collect();
+    let index = |solid: &Solid| solid.index.unwrap_or(Rgb::ONE);
+    for i in 0..count {
+        if scene.solids[i].medium == scene.world && index(&scene.solids[i]) == Rgb::ONE {
+            let (a, b) = (root(&mut parent, i), root(&mut parent, count));
+            parent[a.min(b)] = a.max(b);
+        }
+        for j in 0..i {
+            let (one, other) = (&scene.solids[i], &scene.solids[j]);
+            let same = one.medium == other.medium && index(one) == index(other);
+            if same && boxes[i].overlaps(&boxes[j]) {
+                let (a, b) = (root(&mut parent, i), root(&mut parent, j));
+                parent[a.min(b)] = a.max(b);
+            }
+        }
+    }
+    let mut numbers = HashMap::new();
+    let mut number = |root: usize| {
+        let next = numbers.len() as u32;
+        *numbers.entry(root).or_insert(next)
+    };
+    scene.world_region = number(root(&mut parent, count));
+    for i in 0..count {
+        scene.solids[i].region = number(root(&mut parent, i));
+    }
+    scene.regions = numbers.len() as u32;
+}
+
+/// A sphere around all surfaces, lights, the camera and bounded media. Where an atmosphere fills the world,
+/// it reaches some mean free paths farther, for light that enters from the side.
+pub(super) fn surroundings(scene: &Scene) -> Surroundings {
+    let mut bounds = scene.bounds();
+    let mut margin = 0.0;
+    if let Some(world) = scene.world {
+        let medium = &scene.media[world as usize];
+        let support = medium.density.support();
+        if support.size().is_finite() {
+            bounds = bounds.union(support);
+        } else if let Density::Exponential(air) = &medium.density {
+            let extinction = medium.extinction.element_sum() / 3.0 * air.value;
+            if extinction > 0.0 {
+                margin = FREE_PATHS / extinction;
+            }
+        }
+    }
+    let radius = 0.5 * bounds.diagonal() * (1.0 + 1e-6) + margin;
+    Surroundings { center: bounds.center(), radius: if radius > 0.0 { radius } else { 1.0 } }
+}
+
+/// How many mean free paths of an atmosphere around the scene light from infinity is traced through.
+const FREE_PATHS: f64 = 8.0;
+
+/// Light from infinity does not survive a world medium that does not thin out.
+pub(super) fn darken_infinity(scene: &mut Scene) {
+    let Some(world) = scene.world else { return };
+    let medium = &scene.media[world as usize];
+    let endless = match &medium.density {
+        Density::Uniform => true,
+        Density::Exponential(_) => false,
+        Density::Grid(grid) => grid.voxels().background() > 0.0 && !grid.support().size().is_finite(),
+    };
+    if !endless || medium.extinction.max_element() <= 0.0 {
+        return;
+    }
+    let passes = medium.extinction.map(|sigma| if sigma > 0.0 { 0.0 } else { 1.0 });
+    let mut darkened = false;
+    scene.lights.retain_mut(|light| {
+        if !light.is_infinite() {
+            return true;
+        }
+        darkened = true;
+        light.dim(passes);
+        passes.max_element() > 0.0
+    });
+    if darkened {
+        // Lights have moved: surfaces find theirs again.
+        for (index, light) in scene.lights.iter().enumerate() {
+            if let Light::Area(area) = light {
+                scene.surfaces[area.shape as usize].light = Some(index as u32);
+            }
+        }
+    }
+}

@@ -1,0 +1,176 @@
+//! How a picture is computed: `[film]`, `[render]`, `[photons]` and `[volume]`.
+
+/// `[film]`: the image.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Film {
+    /// Pixels across, at least 1.
+    pub width: u32,
+    /// Pixels down, at least 1.
+    pub height: u32,
+    /// How samples are weighted into pixels.
+    pub filter: Filter,
+    /// Stops by which PNG files are brightened; `None`: chosen from the image.
+    pub exposure: Option<f64>,
+    /// The tone curve of PNG files.
+    pub tone_map: ToneMap,
+    /// Whether EXR files carry the components of light transport as layers.
+    pub layers: bool,
+    /// Whether a single pass splits its photons to estimate the standard error.
+    pub standard_error: bool,
+}
+
+/// The reconstruction filter of the film.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Filter {
+    /// The mean over the pixel's square.
+    Box,
+    /// A tent two pixels wide.
+    Tent,
+    /// A truncated Gaussian.
+    Gaussian,
+}
+
+/// How radiance becomes the values of a PNG file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ToneMap {
+    /// Exposure, then clipping.
+    Linear,
+    /// A curve with toe and shoulder.
+    Filmic,
+}
+
+/// `[render]`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Render {
+    /// How the image is computed.
+    pub method: Method,
+    /// Camera samples per pixel and pass, at least 1.
+    pub samples: u32,
+    /// Passes, each with fresh photons in narrower discs, at least 1.
+    pub passes: u32,
+    /// What all random numbers derive from.
+    pub seed: u64,
+    /// The number of events between light and eye; 0: unlimited.
+    pub max_depth: u32,
+}
+
+/// How the image is computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// Photon mapping.
+    Photon,
+    /// The unbiased path tracer.
+    Path,
+}
+
+/// `[photons]`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Photons {
+    /// About how many photons the volume map should hold, at least 1; `None`: chosen from the scene.
+    pub volume: Option<u64>,
+    /// The most photons that are emitted in a pass, at least 1.
+    pub max_emitted: u64,
+}
+
+/// `[volume]`: how media are gathered.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Volume {
+    /// What is gathered along a ray.
+    pub estimate: Estimate,
+    /// How wide photons are.
+    pub kernel: Kernel,
+    /// How photons count from their middle to their rim; `None`: chosen by the estimate.
+    pub profile: Option<Profile>,
+    /// The radius of [`Kernel::Fixed`], above 0; `None`: chosen from the scene.
+    pub radius: Option<f64>,
+    /// The number n of photons an adaptive radius should cover, at least 1; `None`: chosen from the scene.
+    pub neighbours: Option<u32>,
+    /// The number m of photons from which an adaptive radius is found, at least 5; `None`: max(5, ⌈√n⌉).
+    pub pilot: Option<u32>,
+    /// The cap of adaptive radii, above 0; `None`: chosen from the scene.
+    pub max_radius: Option<f64>,
+    /// How rays are stepped through, where they are.
+    pub march: Option<March>,
+    /// Where light comes from that is scattered once.
+    pub single_scattering: SingleScattering,
+}
+
+/// What is gathered along a ray.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Estimate {
+    /// All photons around the ray at once.
+    Beam,
+    /// The photons around points on the ray.
+    Point,
+}
+
+/// How photons count from their middle to their rim.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Profile {
+    /// The same everywhere.
+    Constant,
+    /// 1 − x².
+    Epanechnikov,
+    /// (1 − x²)².
+    Biweight,
+}
+
+/// `[volume] march`
+#[derive(Clone, Debug, PartialEq)]
+pub struct March {
+    /// How long steps are.
+    pub step: Step,
+    /// The length of the smallest step, above 0; `None`: chosen from the scene.
+    pub size: Option<f64>,
+    /// What the ends of an adaptive step may differ by, above 0, as a share.
+    pub contrast: f64,
+}
+
+impl March {
+    /// What holds unless the scene file says otherwise. The contrast is about the noise of some tens of photons: with less,
+    /// all steps would be halved; with more, what is small and bright is missed too often (`scenes/volume-caustic.toml`).
+    pub const DEFAULT: March = March { step: Step::Exponential, size: None, contrast: 0.2 };
+}
+
+/// How long the steps of a march are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// All alike.
+    Uniform,
+    /// Short where density or light change.
+    Adaptive,
+    /// The longer the less light arrives from there.
+    Exponential,
+}
+
+/// Where light comes from that a medium scatters straight from a light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SingleScattering {
+    /// From photons, like all other.
+    Photons,
+    /// By rays to the lights, through index-matched boundaries.
+    Traced,
+    /// By rays to the lights that go straight on, through refracting boundaries, too.
+    Approximate,
+}
+
+impl SingleScattering {
+    /// Whether rays to the lights ask for this light, so that photons must not bring it as well.
+    pub fn asks_lights(self) -> bool {
+        self != SingleScattering::Photons
+    }
+
+    /// Whether these rays go straight on through refracting boundaries, which in truth turn them.
+    pub fn goes_straight_on(self) -> bool {
+        self == SingleScattering::Approximate
+    }
+}
+
+/// How wide photons are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kernel {
+    /// One radius for all.
+    Fixed,
+    /// As wide as the photons around are sparse.
+    Variable,
+}

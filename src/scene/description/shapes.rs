@@ -1,0 +1,169 @@
+//! Shapes and what they are made of: `[materials.*]` and `[[shapes]]`.
+
+use std::path::PathBuf;
+
+use super::{Located, Place};
+use crate::math::{DAffine3, DVec2, DVec3, Rgb};
+
+/// `[materials.*]`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Material {
+    /// Its key under `[materials]`.
+    pub name: String,
+    /// What it does with light.
+    pub kind: MaterialKind,
+    /// Where it is described; for a default, the first shape that needs it.
+    pub place: Place,
+}
+
+/// The kinds of material.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum MaterialKind {
+    /// Diffuse reflection on both sides.
+    Lambert {
+        /// In \[0, 1\].
+        reflectance: Rgb,
+    },
+    /// Perfectly specular reflection on both sides.
+    Mirror {
+        /// In \[0, 1\].
+        reflectance: Rgb,
+    },
+    /// A refracting boundary.
+    Dielectric {
+        /// The absolute index of refraction by channel, above 0.
+        ior: Rgb,
+        /// GGX's α, in \[0, 1\]; 0 is smooth.
+        roughness: f64,
+    },
+    /// An index-matched boundary: light passes, only the medium changes.
+    None,
+}
+
+/// `[[shapes]]`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shape {
+    /// What instances and overrides call it; no two shapes share a name.
+    pub name: Option<String>,
+    /// The surface in object space.
+    pub kind: ShapeKind,
+    /// From object to world space, invertible. An instance's is applied after the transform of the
+    /// shape it repeats, and to the density inside.
+    pub transform: DAffine3,
+    /// An index into [`Description::materials`]. Not given: `none` with an interior, black with
+    /// emission, an instance's template's; meaningless on an invisible shape.
+    pub material: Located<usize>,
+    /// An index into [`Description::media`]: what fills the solid. Only shapes that can be closed have
+    /// one; whether a mesh is closed is not known yet. Behind an opaque material it is seen from inside only. An instance has its template's unless it says otherwise.
+    pub interior: Option<Located<usize>>,
+    /// The highest of the solids that contain a point decides what is there. An instance has its template's unless it says otherwise.
+    pub priority: i32,
+    /// The light it sends out. An instance has its template's unless it says otherwise.
+    pub emission: Option<ShapeEmission>,
+    /// False for what is only a template of instances.
+    pub visible: bool,
+    /// Where it is described.
+    pub place: Place,
+}
+
+/// The kinds of shape.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ShapeKind {
+    /// A sphere.
+    Sphere {
+        /// Its centre.
+        center: DVec3,
+        /// Above 0.
+        radius: f64,
+    },
+    /// A box with faces across the axes.
+    Box {
+        /// The lower corner.
+        min: DVec3,
+        /// The upper corner, above `min` on every axis.
+        max: DVec3,
+    },
+    /// A parallelogram; out is `edge_u` × `edge_v`.
+    Quad {
+        /// A corner.
+        origin: DVec3,
+        /// From `origin` along one edge.
+        edge_u: DVec3,
+        /// From `origin` along the other edge; not parallel to `edge_u`.
+        edge_v: DVec3,
+    },
+    /// A flat disk.
+    Disk {
+        /// Its centre.
+        center: DVec3,
+        /// Out; of unit length.
+        normal: DVec3,
+        /// Above 0.
+        radius: f64,
+    },
+    /// A round cylinder.
+    Cylinder {
+        /// The centre of one end.
+        base: DVec3,
+        /// The centre of the other end; differs from `base`.
+        top: DVec3,
+        /// Above 0.
+        radius: f64,
+        /// Whether the ends are closed.
+        caps: bool,
+    },
+    /// A polyline turned about the y axis.
+    Lathe {
+        /// Points (radius, height): at least two, those in a row differ, radii are not below 0.
+        profile: Vec<DVec2>,
+        /// Flat facets around the axis; none for round.
+        segments: Option<u32>,
+        /// Kinks of less than this, in degrees, are shaded round.
+        crease: f64,
+    },
+    /// Triangles from a file.
+    Mesh {
+        /// An `.obj` file, or an `.obj.gz` one.
+        file: Located<PathBuf>,
+        /// Whether the file's shading normals are used.
+        smooth: bool,
+    },
+    /// Another shape once more.
+    Instance {
+        /// An index into [`Description::shapes`] of a shape that is no instance itself: instances of
+        /// instances are resolved, their transforms composed.
+        of: usize,
+    },
+}
+
+/// `shapes.*.emission`
+#[derive(Clone, Debug, PartialEq)]
+pub struct ShapeEmission {
+    /// How much.
+    pub strength: Strength,
+    /// From which side.
+    pub side: Side,
+    /// Where it is described.
+    pub place: Place,
+}
+
+/// How strong an emitting shape is, by channel and at least 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Strength {
+    /// The radiance it sends in every direction, in W/(sr · unit²).
+    Radiance(Rgb),
+    /// The power in W over all emitting sides; radiance is power/(π A), A the emitting area after the
+    /// transform, each instance anew.
+    Power(Rgb),
+}
+
+/// The sides of a surface that emit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// Away from the inside.
+    Out,
+    /// Towards the inside.
+    In,
+    /// Either way; the emitting area is twice the surface's.
+    Both,
+}

@@ -1,0 +1,40 @@
+//! A place where a walk meets a surface.
+
+use crate::math::{DVec3, Ray};
+use crate::scene::Inside;
+use crate::surface::{Bsdf, Incidence};
+
+/// A surface that does something to light, and what is around it.
+#[derive(Clone, Debug)]
+pub struct Interaction {
+    /// The point on the surface.
+    pub point: DVec3,
+    /// From where light, or an eye path, meets it.
+    pub incidence: Incidence,
+    /// How far along the ray it is.
+    pub t: f64,
+    /// The placed shape.
+    pub shape: u32,
+    /// What the surface does with light from there.
+    pub bsdf: Bsdf,
+    /// New rays start so far off the surface.
+    pub(super) offset: f64,
+    /// The solids on the side of arrival.
+    pub(super) before: Inside,
+    /// The solids beyond.
+    pub(super) after: Inside,
+}
+
+impl Interaction {
+    /// A ray that leaves along `direction`, and the solids around its start.
+    pub fn departure(&self, direction: DVec3) -> (Ray, Inside) {
+        let normal = self.incidence.normal;
+        let offset = if direction.dot(normal) >= 0.0 { self.offset } else { -self.offset };
+        (Ray::new(self.point + offset * normal, direction), self.around(direction).clone())
+    }
+
+    /// The solids on the side that `direction` points to.
+    pub fn around(&self, direction: DVec3) -> &Inside {
+        if direction.dot(self.incidence.normal) >= 0.0 { &self.before } else { &self.after }
+    }
+}

@@ -1,0 +1,421 @@
+//! One harness for all that scatters: every material and every phase function, asked as a vertex.
+
+use std::f64::consts::PI;
+
+use super::{Collision, Interaction, Vertex};
+use crate::math::random::Purpose;
+use crate::math::{DVec3, Rgb, Stream, sampling};
+use crate::medium::density::Density;
+use crate::medium::phase::{Draine, HenyeyGreenstein, Isotropic, Mixture, Phase, Rayleigh, Schlick};
+use crate::medium::{Emission, Medium};
+use crate::scene::Inside;
+use crate::surface::{Bsdf, Incidence, Lambert, Lobe, Mirror, Nature, Rough, Side, Smooth};
+
+/// Something that scatters, and light that meets it.
+struct Case {
+    name: String,
+    at: At,
+    /// Whether a value is what it is, and no estimate of it.
+    exact: bool,
+}
+
+enum At {
+    Surface(Interaction),
+    Medium(Medium, DVec3),
+}
+
+impl Case {
+    fn of(&self, with: impl FnOnce(Vertex<'_>)) {
+        match &self.at {
+            At::Surface(at) => with(Vertex::Surface(at)),
+            At::Medium(medium, direction) => with(Vertex::Medium(&Collision {
+                point: DVec3::ZERO,
+                direction: *direction,
+                t: 0.0,
+                medium,
+                index: 0,
+                inside: &Inside::default(),
+                clearance: 0.0,
+            })),
+        }
+    }
+}
+
+fn interaction(bsdf: Bsdf, incidence: Incidence) -> Interaction {
+    let (before, after) = (Inside::default(), Inside::default());
+    Interaction { point: DVec3::ZERO, incidence, t: 1.0, shape: 0, bsdf, offset: 1e-9, before, after }
+}
+
+/// Light that meets a surface with normal z at an angle of this sine, whose shading normal leans by `lean`.
+fn incidence(sin: f64, lean: f64) -> Incidence {
+    let direction = DVec3::new(0.8 * sin, 0.6 * sin, -(1.0 - sin * sin).sqrt());
+    let shading_normal = DVec3::new(lean.sin() * 0.6, -lean.sin() * 0.8, lean.cos());
+    Incidence { direction, normal: DVec3::Z, shading_normal }
+}
+
+const SINES: [f64; 4] = [0.0, 0.6, 0.95, 0.99999];
+const PARTING: Rgb = Rgb::new(1.4, 1.5, 1.7);
+
+fn materials() -> Vec<(String, Bsdf, bool)> {
+    let reflectance = Rgb::new(0.9, 0.5, 0.1);
+    let mut all = vec![("lambert".to_string(), Bsdf::Lambert(Lambert { reflectance }), true)];
+    let index = |n: f64| Rgb::splat(n);
+    for (name, from, to) in [
+        ("into glass", index(1.0), index(1.5)),
+        ("out of glass", index(1.5), index(1.0)),
+        ("into nearly nothing", index(1.0), index(1.0001)),
+        ("into diamond and more", index(1.0), index(4.0)),
+        ("into flint that disperses", index(1.0), PARTING),
+        ("out of flint that disperses", PARTING, index(1.0)),
+    ] {
+        for alpha in [0.02, 0.3, 1.0] {
+            all.push((format!("rough {name}, α {alpha}"), Bsdf::Rough(Rough { from, to, alpha }), false));
+        }
+    }
+    all
+}
+
+fn phases() -> Vec<(String, Phase)> {
+    let mut all: Vec<(String, Phase)> = vec![
+        ("isotropic".to_string(), Phase::Isotropic(Isotropic)),
+        ("rayleigh".to_string(), Phase::Rayleigh(Rayleigh)),
+        ("draine".to_string(), Phase::Draine(Draine { g: 0.7, alpha: 2.0 })),
+    ];
+    for g in [0.5, -0.9, 0.99, 0.9999, -0.999_999] {
+        all.push((format!("henyey-greenstein {g}"), Phase::HenyeyGreenstein(HenyeyGreenstein { g })));
+        all.push((format!("schlick {g}"), Phase::Schlick(Schlick { k: g })));
+    }
+    let two = [(0.3, Phase::Rayleigh(Rayleigh)), (0.7, Phase::HenyeyGreenstein(HenyeyGreenstein { g: 0.95 }))];
+    all.push(("mixture".to_string(), Phase::Mixture(Mixture::new(two.to_vec()))));
+    all
+}
+
+fn cases(lean: f64) -> Vec<Case> {
+    let mut all = Vec::new();
+    for (name, bsdf, exact) in materials() {
+        for sin in SINES {
+            let at = incidence(sin, lean);
+            if at.direction.dot(at.shading_normal) < 0.0 {
+                all.push(Case { name: format!("{name}, sine {sin}"), at: At::Surface(interaction(bsdf, at)), exact });
+            }
+        }
+    }
+    if lean == 0.0 {
+        for (name, phase) in phases() {
+            let medium = Medium {
+                name: name.clone(),
+                extinction: Rgb::ONE,
+                albedo: Rgb::new(0.9, 0.5, 0.1),
+                phase,
+                density: Density::Uniform,
+                emission: Emission::None,
+            };
+            all.push(Case { name, at: At::Medium(medium, DVec3::Z), exact: true });
+        }
+    }
+    all
+}
+
+fn random(index: usize) -> Stream {
+    Stream::new(77, Purpose::Test, index as u64, 0)
+}
+
+/// All that goes along `o`, and the density of the first part.
+fn toward(at: Vertex<'_>, o: DVec3, side: Side, stream: &mut Stream) -> (Rgb, Rgb) {
+    let (mut value, mut density) = (Rgb::ZERO, None);
+    at.toward(o, side, false, Rgb::ONE, stream, |weight, sent| {
+        assert!(sent.value.is_finite() && sent.ahead.is_finite(), "{sent:?}");
+        for channel in 0..3 {
+            assert!(sent.value[channel] <= 0.0 || sent.ahead[channel] > 0.0, "{o}: not drawn, but sent: {sent:?}");
+        }
+        value += weight * sent.value;
+        density.get_or_insert(sent.ahead);
+    });
+    (value, density.unwrap_or(Rgb::ZERO))
+}
+
+fn draw(at: Vertex<'_>, side: Side, stream: &mut Stream) -> (DVec3, Rgb) {
+    let mut weight = Rgb::ONE;
+    let always = |weight: &mut Rgb, factor: Rgb, _: &mut Stream| {
+        *weight *= factor;
+        true
+    };
+    match at.onward(side, None, &mut weight, stream, always) {
+        Some(onward) => (onward.direction, weight),
+        None => (DVec3::ZERO, Rgb::ZERO),
+    }
+}
+
+/// A cell of directions: a range of cos θ and one of φ.
+#[derive(Clone, Copy)]
+struct Cell {
+    cos: [f64; 2],
+    phi: [f64; 2],
+}
+
+impl Cell {
+    const SPHERE: Cell = Cell { cos: [-1.0, 1.0], phi: [-PI, PI] };
+
+    /// 1 − cos θ is kept apart, so that lobes of a millionth about the axis have cells of their own.
+    fn holds(&self, (below, phi): (f64, f64)) -> bool {
+        let cos = [1.0 - self.cos[1], 1.0 - self.cos[0]];
+        cos[0] <= below && below < cos[1] && self.phi[0] <= phi && phi < self.phi[1]
+    }
+
+    fn solid_angle(&self) -> f64 {
+        (self.cos[1] - self.cos[0]) * (self.phi[1] - self.phi[0])
+    }
+
+    /// Halved along its longer side.
+    fn halves(&self) -> [Cell; 2] {
+        let middle = |[a, b]: [f64; 2]| 0.5 * (a + b);
+        // As seen on the sphere.
+        let sin = (1.0 - middle(self.cos).powi(2)).sqrt();
+        let tall = (self.cos[1] - self.cos[0]) / sin.max(1e-12);
+        if tall > sin * (self.phi[1] - self.phi[0]) {
+            let m = middle(self.cos);
+            [Cell { cos: [self.cos[0], m], ..*self }, Cell { cos: [m, self.cos[1]], ..*self }]
+        } else {
+            let m = middle(self.phi);
+            [Cell { phi: [self.phi[0], m], ..*self }, Cell { phi: [m, self.phi[1]], ..*self }]
+        }
+    }
+
+    fn direction(&self, [u, v]: [f64; 2]) -> DVec3 {
+        let cos = self.cos[0] + (self.cos[1] - self.cos[0]) * u;
+        let phi = self.phi[0] + (self.phi[1] - self.phi[0]) * v;
+        let sin = (1.0 - cos * cos).max(0.0).sqrt();
+        DVec3::new(sin * phi.cos(), sin * phi.sin(), cos)
+    }
+}
+
+fn polar(o: DVec3) -> (f64, f64) {
+    let across = o.x * o.x + o.y * o.y;
+    let below = if o.z > 0.0 { across / (1.0 + o.z) } else { 1.0 - o.z };
+    (below.min(2.0 - 1e-15), o.y.atan2(o.x).min(PI - 1e-15))
+}
+
+/// Drawn weights against the mean of the value, and numbers of draws against the density where that is exact: χ² over cells of
+/// the sphere, small where many are drawn. What the cells sum up to is the albedo.
+fn assert_draws_follow(case: &Case, index: usize, side: Side) {
+    const N: usize = 30_000;
+    const MOST: usize = 400;
+    const STRATA: usize = 10;
+    case.of(|at| {
+        let mut stream = random(index);
+        let drawn: Vec<((f64, f64), Rgb)> = (0..N)
+            .map(|_| draw(at, side, &mut stream))
+            .filter(|(_, weight)| *weight != Rgb::ZERO)
+            .map(|(o, weight)| (polar(o), weight))
+            .collect();
+
+        // Cells that hold few draws each.
+        let mut cells = Vec::new();
+        let mut waiting = vec![(Cell::SPHERE, drawn, 0)];
+        while let Some((cell, drawn, depth)) = waiting.pop() {
+            if drawn.len() <= MOST || depth >= 60 {
+                cells.push((cell, drawn));
+                continue;
+            }
+            for half in cell.halves() {
+                let inside = drawn.iter().filter(|(place, _)| half.holds(*place)).copied().collect();
+                waiting.push((half, inside, depth + 1));
+            }
+        }
+
+        // Each quantity in each cell: by draws, and by integration.
+        let (mut chi2, mut degrees, mut total) = (0.0, 0.0f64, [Rgb::ZERO; 2]);
+        let mut rest = [[0.0; 4]; 2];
+        for (cell, drawn) in &cells {
+            let area = cell.solid_angle() / (STRATA * STRATA) as f64;
+            let mut integrals = [[0.0; 2]; 2];
+            for k in 0..STRATA * STRATA {
+                let jitter = stream.uniform2();
+                let place = [(k / STRATA) as f64 + jitter[0], (k % STRATA) as f64 + jitter[1]];
+                let o = cell.direction(place.map(|x| x / STRATA as f64));
+                let (value, density) = toward(at, o, side, &mut stream);
+                total[1] += value * area;
+                for (sum, x) in integrals.iter_mut().zip([value.y, density.y]) {
+                    *sum = [sum[0] + x * area, sum[1] + (x * area).powi(2)];
+                }
+            }
+            let n = N as f64;
+            total[0] += drawn.iter().map(|(_, weight)| *weight).sum::<Rgb>() / n;
+            let weights = drawn.iter().map(|(_, weight)| weight.y);
+            let sums = [
+                (weights.clone().sum::<f64>() / n, weights.map(|w| w * w).sum::<f64>() / (n * n)),
+                (drawn.len() as f64 / n, drawn.len() as f64 / (n * n)),
+            ];
+            for (what, ((sum, variance), [integral, squares])) in sums.into_iter().zip(integrals).enumerate() {
+                if what == 1 && !case.exact {
+                    continue;
+                }
+                // No stratum is known better than a few per cent of its variation.
+                let count = (STRATA * STRATA) as f64;
+                let off = (squares - integral * integral / count).max(0.0);
+                let row = [sum, integral, variance, off];
+                if drawn.len() >= 20 {
+                    let error = variance + off + (0.01 * integral).powi(2);
+                    chi2 += (sum - integral).powi(2) / error;
+                    degrees += 1.0;
+                } else {
+                    rest[what].iter_mut().zip(row).for_each(|(all, x)| *all += x);
+                }
+            }
+        }
+        for [sum, integral, variance, off] in rest {
+            let error = variance + off + (0.03 * integral).powi(2) + 1e-8;
+            assert!((sum - integral).powi(2) < 20.0 * error, "{}: {sum} is drawn aside, not {integral}", case.name);
+        }
+        let limit = degrees + 5.0 * (2.0 * degrees).sqrt();
+        assert!(degrees > 20.0 && chi2 < limit, "{}: χ² {chi2:.0} over {degrees} cells", case.name);
+
+        // All of them.
+        let off = (total[0] - total[1]).abs().max_element();
+        assert!(off < 0.03, "{}: {} drawn, {} sent", case.name, total[0], total[1]);
+    });
+}
+
+#[test]
+fn draws_follow_values_and_densities() {
+    for (index, case) in cases(0.0).iter().enumerate() {
+        for side in [Side::Light, Side::Eye] {
+            assert_draws_follow(case, index, side);
+        }
+    }
+}
+
+/// What is drawn carries the albedo on average, as power: nothing is lost and nothing made. Eyes that look about a shading
+/// normal never find more.
+#[test]
+fn furnaces_hold_the_albedo() {
+    const N: usize = 20_000;
+    for lean in [0.0, 0.4] {
+        for (index, case) in cases(lean).iter().enumerate() {
+            case.of(|at| {
+                let side = if lean == 0.0 { Side::Light } else { Side::Eye };
+                let (mut sum, mut squares) = (Rgb::ZERO, Rgb::ZERO);
+                let mut stream = random(1000 + index);
+                for _ in 0..N {
+                    let (o, mut weight) = draw(at, side, &mut stream);
+                    if let Vertex::Surface(Interaction { bsdf: Bsdf::Rough(rough), .. }) = at
+                        && side == Side::Eye
+                        && o.z < 0.0
+                    {
+                        // Radiance is larger where the index is, energy is not.
+                        weight *= (rough.to / rough.from) * (rough.to / rough.from);
+                    }
+                    sum += weight;
+                    squares += weight * weight;
+                }
+                let mean = sum / N as f64;
+                let error = ((squares / N as f64 - mean * mean).max(Rgb::ZERO) / N as f64).map(f64::sqrt);
+                let albedo = at.albedo();
+                for channel in 0..3 {
+                    let (off, most) = (mean[channel] - albedo[channel], 4.5 * error[channel] + 1e-9);
+                    let holds = if lean == 0.0 { off.abs() < most } else { off < most };
+                    assert!(holds, "{}, leaning {lean}: {mean} ± {error}, albedo {albedo}", case.name);
+                }
+            });
+        }
+    }
+}
+
+/// How the same place is met from the other end of a path that leaves it along `o`.
+fn reversed(at: &Interaction, o: DVec3) -> Interaction {
+    let Incidence { normal, shading_normal, .. } = at.incidence;
+    let through = o.dot(normal) < 0.0;
+    let turn = if through { -1.0 } else { 1.0 };
+    let bsdf = match at.bsdf {
+        Bsdf::Rough(rough) if through => Bsdf::Rough(Rough { from: rough.to, to: rough.from, ..rough }),
+        other => other,
+    };
+    interaction(bsdf, Incidence { direction: -o, normal: turn * normal, shading_normal: turn * shading_normal })
+}
+
+/// A photon that arrives along i and leaves along o, and an eye path that arrives along −o and leaves along −i, are one: value of
+/// light times |i·g| is value of eyes times |o·g|, with the geometric normal g, whatever the shading normal, the indices and
+/// the side. Without a shading normal that is reciprocity.
+#[test]
+fn light_and_eye_see_the_same() {
+    for lean in [0.0, 0.3] {
+        for (name, bsdf, exact) in materials() {
+            let mut stream = random(2000);
+            let (mut chi2, mut pairs) = (0.0, 0);
+            while pairs < 200 {
+                let i = -sampling::direction(stream.uniform().max(0.02), stream.uniform());
+                let at = interaction(bsdf, Incidence { direction: i, ..incidence(0.0, lean) });
+                let o = sampling::sphere(stream.uniform2());
+                let (g, s) = (at.incidence.normal, at.incidence.shading_normal);
+                let back = reversed(&at, o);
+                let faces = |at: &Interaction| at.incidence.direction.dot(at.incidence.shading_normal) < 0.0;
+                if !faces(&at) || !faces(&back) || (o.dot(g) < 0.0) != (o.dot(s) < 0.0) {
+                    continue;
+                }
+                let times = if exact { 1 } else { 400 };
+                let mut mean = |at: &Interaction, o: DVec3, side: Side, cos: f64| {
+                    let (mut sum, mut squares) = (0.0, 0.0);
+                    for _ in 0..times {
+                        let x = toward(Vertex::Surface(at), o, side, &mut stream).0.y * cos.abs();
+                        sum += x;
+                        squares += x * x;
+                    }
+                    let n = f64::from(times);
+                    (sum / n, (squares / n - (sum / n).powi(2)).max(0.0) / n)
+                };
+                let (light, noise) = mean(&at, o, Side::Light, i.dot(g));
+                let (eye, other) = mean(&back, -i, Side::Eye, o.dot(g));
+                let error = noise + other + (1e-7 * light).powi(2) + 1e-24;
+                chi2 += ((light - eye).powi(2) / error).min(25.0);
+                pairs += 1;
+            }
+            assert!(chi2 < 200.0 + 6.0 * 20.0, "{name}, leaning {lean}: χ² {chi2:.0} of 200 pairs");
+        }
+    }
+}
+
+/// Specular kinds answer no question about a density; smooth boundaries split light into parts that make up all of it.
+#[test]
+fn specular_kinds_have_no_density() {
+    let reflectance = Rgb::new(0.9, 0.5, 0.1);
+    let smooth = |from: Rgb, to: Rgb| Bsdf::Smooth(Smooth { from, to });
+    let all = [
+        Bsdf::Mirror(Mirror { reflectance }),
+        smooth(Rgb::ONE, Rgb::splat(1.5)),
+        smooth(Rgb::splat(1.5), Rgb::ONE),
+        smooth(Rgb::ONE, PARTING),
+    ];
+    for (index, bsdf) in all.into_iter().enumerate() {
+        for sin in SINES {
+            let at = interaction(bsdf, incidence(sin, 0.0));
+            let vertex = Vertex::Surface(&at);
+            assert_eq!(vertex.nature(), Nature::Specular);
+            let mut stream = random(3000 + index);
+            let always = |weight: &mut Rgb, factor: Rgb, _: &mut Stream| {
+                *weight *= factor;
+                true
+            };
+            let sent = |lobe: Option<Lobe>, stream: &mut Stream| {
+                const N: usize = 4000;
+                let mut sum = Rgb::ZERO;
+                for _ in 0..N {
+                    let mut weight = Rgb::ONE;
+                    if let Some(onward) = vertex.onward(Side::Light, lobe, &mut weight, stream, always) {
+                        assert_eq!(onward.density, 0.0);
+                        sum += weight / N as f64;
+                        assert_eq!(toward(vertex, onward.direction, Side::Light, stream).0, Rgb::ZERO);
+                    }
+                }
+                sum
+            };
+            let drawn = sent(None, &mut stream);
+            assert!((drawn - vertex.albedo()).abs().max_element() < 0.1, "{bsdf:?}: {drawn}");
+            if let Some(boundary) = at.bsdf.boundary(&at.incidence) {
+                let parts = [Lobe::Reflected, Lobe::Refracted].map(|lobe| sent(Some(lobe), &mut stream));
+                let reflected = boundary.reflected.expect("smooth");
+                assert!((parts[0] - reflected).abs().max_element() < 1e-9, "{bsdf:?}: {} reflected", parts[0]);
+                assert!((parts[0] + parts[1] - Rgb::ONE).abs().max_element() < 0.1, "{bsdf:?}: {parts:?}");
+            }
+        }
+    }
+}

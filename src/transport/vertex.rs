@@ -1,0 +1,119 @@
+//! A vertex: where a path turns, and what is done with light there.
+
+use super::shadow::transmit;
+use super::surface::Interaction;
+use crate::math::random::Dimension;
+use crate::math::{DVec3, Ray, Rgb, Stream};
+use crate::medium::Medium;
+use crate::scene::{Inside, Scene};
+use crate::surface::{Lobe, Nature, Onward, Scattering, Side};
+
+/// A collision with a medium.
+#[derive(Clone, Copy, Debug)]
+pub struct Collision<'w> {
+    /// The point of the collision.
+    pub point: DVec3,
+    /// The unit direction of arrival.
+    pub direction: DVec3,
+    /// Its parameter on the ray that leads there.
+    pub t: f64,
+    /// The medium.
+    pub medium: &'w Medium,
+    /// The medium's index in [`Scene::media`].
+    pub index: u32,
+    /// The solids around.
+    pub inside: &'w Inside,
+    /// How far the nearest surface is, at least.
+    pub clearance: f64,
+}
+
+/// A view of where a path turns: two words, copied nowhere.
+#[derive(Clone, Copy, Debug)]
+pub enum Vertex<'v> {
+    /// On a surface.
+    Surface(&'v Interaction),
+    /// In a medium.
+    Medium(&'v Collision<'v>),
+}
+
+impl Vertex<'_> {
+    /// Its point.
+    pub fn point(&self) -> DVec3 {
+        match self {
+            Vertex::Surface(at) => at.point,
+            Vertex::Medium(at) => at.point,
+        }
+    }
+
+    /// How it spreads light.
+    pub fn nature(&self) -> Nature {
+        match self {
+            Vertex::Surface(at) => at.bsdf.nature(),
+            Vertex::Medium(_) => Nature::Diffuse,
+        }
+    }
+
+    /// The share of light that is not absorbed.
+    pub fn albedo(&self) -> Rgb {
+        match self {
+            Vertex::Surface(at) => at.bsdf.albedo(&at.incidence),
+            Vertex::Medium(at) => at.medium.albedo,
+        }
+    }
+
+    /// Tells `part` what goes on along `o`, part by part: see [`Bsdf::toward`](crate::surface::Bsdf::toward). A medium
+    /// sends one part: albedo times phase function, the density of which is the phase function.
+    pub fn toward(
+        &self,
+        o: DVec3,
+        side: Side,
+        both: bool,
+        weight: Rgb,
+        stream: &mut Stream,
+        mut part: impl FnMut(Rgb, Scattering),
+    ) {
+        match self {
+            Vertex::Surface(at) => at.bsdf.toward(&at.incidence, o, side, both, weight, stream, part),
+            Vertex::Medium(at) => {
+                let phase = at.medium.phase.value(at.direction, o);
+                part(weight, Scattering { value: at.medium.albedo * phase, ahead: Rgb::splat(phase) });
+            }
+        }
+    }
+
+    /// Draws where light goes on, and weights `weight` for it: see [`Bsdf::onward`](crate::surface::Bsdf::onward). `survives`
+    /// applies the factor that surface or medium leave, with roulette or without; in a medium before a direction is drawn.
+    pub fn onward(
+        &self,
+        side: Side,
+        lobe: Option<Lobe>,
+        weight: &mut Rgb,
+        stream: &mut Stream,
+        survives: impl FnOnce(&mut Rgb, Rgb, &mut Stream) -> bool,
+    ) -> Option<Onward> {
+        match self {
+            Vertex::Surface(at) => stream.draw(Dimension::Direction, |stream| {
+                at.bsdf.onward(&at.incidence, side, lobe, weight, stream, survives)
+            }),
+            Vertex::Medium(at) => {
+                if !survives(weight, at.medium.albedo, stream) {
+                    return None;
+                }
+                let sample = |stream: &mut Stream| at.medium.phase.sample(at.direction, stream);
+                let (direction, density) = stream.draw(Dimension::Direction, sample);
+                Some(Onward { direction, density })
+            }
+        }
+    }
+
+    /// Multiplies `weight` by an unbiased estimate of what passes from here along `o` up to `distance`: see [`transmit`].
+    pub fn transmit(&self, scene: &Scene, o: DVec3, distance: f64, weight: &mut Rgb, stream: &mut Stream) {
+        match self {
+            Vertex::Surface(at) => {
+                let (ray, inside) = at.departure(o);
+                transmit(scene, ray, &inside, distance, weight, stream);
+            }
+            Vertex::Medium(at) => transmit(scene, Ray::new(at.point, o), at.inside, distance, weight, stream),
+        }
+    }
+}
