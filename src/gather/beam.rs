@@ -5,10 +5,10 @@ use super::depth::DepthTable;
 use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Sum};
 use crate::math::random::mix;
 use crate::math::{DVec3, Frame, Vec3};
-use crate::photon::discs::{LEAF, Node, STACK};
 use crate::photon::kernel::Profile;
 use crate::photon::map::{PhotonMap, WallLayer};
 use crate::photon::simd::{LANES, Lanes, Row, Task, at_most, dot_plus, load3, splat3};
+use crate::photon::store::{LEAF, Node, STACK};
 use std::f64::consts::LOG2_E;
 
 /// A segment of a ray from the eye through one medium.

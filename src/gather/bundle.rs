@@ -17,12 +17,12 @@
 use super::beam::{BeamQuery, Descent, GatherStats, Gathered, Meets, Pruning, exponents};
 use super::depth::DepthTable;
 use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Sum};
-use super::sampled::{Sampled, SampledDepths, Samples, TransmittanceTable};
+use super::sampled::{GROUP, Sampled, SampledDepths, Samples, TransmittanceTable, VECTORS};
 use crate::math::{DVec3, Frame, Ray, Vec3};
-use crate::photon::discs::Node;
 use crate::photon::kernel::{Profile, inverse_biweight_share};
 use crate::photon::map::PhotonMap;
 use crate::photon::simd::{LANES, Lanes, Row, Task, at_most, dot_plus, load3, splat3};
+use crate::photon::store::Node;
 use smallvec::SmallVec;
 use std::ops::Range;
 
@@ -69,10 +69,6 @@ impl Bundle<'_> {
         map.gather(&query, stats)
     }
 }
-
-/// Rays in a group, in up to four vectors.
-pub(super) const GROUP: usize = VECTORS * LANES;
-const VECTORS: usize = 4;
 
 /// Rays of a group may deviate from its axis by this slope: errors are of the order of its square.
 const MAX_SLOPE: f64 = 0.02;

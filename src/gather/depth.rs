@@ -1,5 +1,7 @@
 //! Optical depth along a ray, tabulated before photons are gathered.
 
+use crate::math::Ray;
+use crate::medium::Medium;
 use crate::photon::simd::{LANES, Lanes, Row};
 
 /// The density integrated along a ray, D(t) = ∫₀ᵗ ρ, from values and slopes (the density) at knots:
@@ -37,6 +39,9 @@ struct Piece<F> {
     /// Of the powers of `t − start`.
     coefficients: [F; 4],
 }
+
+/// Optical depth may grow by this much between two knots.
+const DEPTH_STEP: f64 = 0.5;
 
 /// Buckets for each piece.
 const BUCKETS: usize = 4;
@@ -101,6 +106,17 @@ impl DepthTable {
             }
             self.buckets.push(piece as u32);
         }
+    }
+
+    /// Makes it the table of a ray through a medium from `a` to `b`, both finite, with lengths and depths from `a` on,
+    /// ready for look-ups.
+    pub(super) fn tabulate(&mut self, medium: &Medium, ray: &Ray, (a, b): (f64, f64)) {
+        self.clear();
+        self.push(0.0, 0.0, medium.density.at(ray.at(a)));
+        let largest = medium.extinction.max_element();
+        let is_long = |depth: f64| depth * largest > DEPTH_STEP;
+        medium.density.knots(ray, (a, b), is_long, |t, depth, density| self.push(t - a, depth, density));
+        self.finish();
     }
 
     /// A place at or beyond which D is at least this; infinite if it never is.

@@ -5,7 +5,6 @@
 //! the step, wherever the place is, and in any medium the sum is right on average for any size of steps.
 
 use super::DepthTable;
-use super::volume::tabulate;
 use crate::math::{Ray, Rgb, Stream, shares};
 use crate::medium::Medium;
 use smallvec::SmallVec;
@@ -80,7 +79,7 @@ impl March {
         let depth = if medium.density.is_even() {
             None
         } else {
-            tabulate(medium, ray, from, b, &mut self.table);
+            self.table.tabulate(medium, ray, (from, b));
             Some(&self.table)
         };
         let stretch = Stretch { ray, from, a, b, medium, depth, weight };

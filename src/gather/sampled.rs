@@ -8,12 +8,17 @@
 
 use std::ops::ControlFlow;
 
-use super::bundle::GROUP;
 use super::depth::DepthTable;
 use crate::math::Ray;
 use crate::medium::density::{Density, Grid};
 use crate::photon::simd::{Isa, LANES, Lanes, Row, Task};
 use smallvec::SmallVec;
+
+/// Vectors of rays in a group, at most.
+pub(super) const VECTORS: usize = 4;
+
+/// Rays that gather together from one table, at most.
+pub(super) const GROUP: usize = VECTORS * LANES;
 
 /// The density integrated along rays from the beginnings of their stretches, at the multiples of one step of
 /// the ray's parameter.

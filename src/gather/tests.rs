@@ -7,7 +7,6 @@ use rayon::prelude::*;
 use smallvec::SmallVec;
 
 use super::depth::DepthTable;
-use super::volume::tabulate;
 use super::{BeamQuery, Fan, GatherStats, PhaseLanes, Queue, Reach, VolumeMaps};
 use crate::math::random::Purpose;
 use crate::math::{DVec3, Frame, Ray, Rgb, Stream, Vec3, sampling};
@@ -192,7 +191,7 @@ fn alone(world: &World, map: &PhotonMap, reach: &Reach, (a, b): (f64, f64)) -> [
     let (phase, mut table) = (PhaseLanes::new(world.medium.phase.clone()), DepthTable::new());
     let ray = &reach.ray;
     let end = map.bounds().clip(ray, a, b).map_or(a, |(_, end)| end);
-    tabulate(&world.medium, ray, a, end, &mut table);
+    table.tabulate(&world.medium, ray, (a, end));
     // Depths are counted from where the ray's stretch begins, wherever this one does.
     let before = world.medium.transmittance(world.medium.density.depth(ray, reach.a.min(a), reach.a.max(a)));
     let query = BeamQuery {

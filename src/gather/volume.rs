@@ -93,9 +93,6 @@ impl<O> Queue<O> {
     }
 }
 
-/// Optical depth may grow by this much between two knots of a depth table.
-const DEPTH_STEP: f64 = 0.5;
-
 /// Between two samples of a ray that gathers together with others, the optical depth may grow by this much:
 /// linear interpolation of transmittance is then right to 0.3 %, and far better on average.
 const MOST_PASSED: f64 = 0.15;
@@ -159,7 +156,7 @@ impl VolumeMaps {
                 return medium.transmittance(total(depth));
             }
         }
-        tabulate(medium, &ray, a, end, &mut queue.table);
+        queue.table.tabulate(medium, &ray, (a, end));
         let query = BeamQuery { depth: Some(&queue.table), ..self.query(&reach) };
         queue.done.push((owner, map.gather(&query, &mut queue.stats)));
         medium.transmittance(total(queue.table.total()))
@@ -285,16 +282,6 @@ pub fn emitted(
             sum
         }
     }
-}
-
-/// Fills `table` with the depth from `a` on, in lengths from `a`.
-pub(super) fn tabulate(medium: &Medium, ray: &Ray, a: f64, b: f64, table: &mut DepthTable) {
-    table.clear();
-    table.push(0.0, 0.0, medium.density.at(ray.at(a)));
-    let largest = medium.extinction.max_element();
-    let is_long = |depth: f64| depth * largest > DEPTH_STEP;
-    medium.density.knots(ray, (a, b), is_long, |t, depth, density| table.push(t - a, depth, density));
-    table.finish();
 }
 
 impl Gathered {
