@@ -15,7 +15,7 @@ pub struct DepthTable {
     knots: Vec<Knot>,
     /// The cubic after each knot; the last is constant.
     pieces: Vec<Piece<f64>>,
-    /// The same, rounded.
+    /// The cubics in single precision, for many photons at once.
     rounded: Vec<Piece<f32>>,
     /// For each of evenly wide buckets along the table, the piece its start lies in.
     buckets: Vec<u32>,
@@ -67,7 +67,8 @@ impl DepthTable {
     /// that lies before the last, or at no finite place, is dropped. Depths and densities below what is possible are
     /// raised to it, and endless ones are taken for the largest finite number.
     pub fn push(&mut self, t: f64, depth: f64, density: f64) {
-        let [depth, density] = [depth, density].map(|value| value.max(0.0).min(f64::MAX));
+        let possible = |value: f64| if value > 0.0 { value.min(f64::MAX) } else { 0.0 };
+        let (depth, density) = (possible(depth), possible(density));
         match self.knots.last_mut() {
             _ if !t.is_finite() => {}
             Some(last) if t < last.t => {}

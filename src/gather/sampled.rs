@@ -109,7 +109,7 @@ impl SampledDepths {
         Samples { first, start: start as u32, count: (self.values.len() - start) as u32 }
     }
 
-    /// The same depths as a table of lengths from the ray's parameter `a`, for a query of its own.
+    /// A ray's sampled depths as a table of lengths from the ray's parameter `a`, for a query of its own.
     pub(super) fn tabulate(&self, samples: Samples, step: f64, a: f64, table: &mut DepthTable) {
         let values = self.values(samples);
         let value = |index: usize| f64::from(values[index.min(values.len() - 1)]);

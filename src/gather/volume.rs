@@ -117,7 +117,7 @@ impl VolumeMaps {
         self.maps.iter().flatten()
     }
 
-    /// The same, with their regions.
+    /// The maps that hold photons, with their regions.
     pub fn by_region(&self) -> impl Iterator<Item = (u32, &PhotonMap)> {
         self.maps.iter().enumerate().filter_map(|(region, map)| Some((region as u32, map.as_ref()?)))
     }

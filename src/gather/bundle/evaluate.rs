@@ -148,24 +148,24 @@ impl<P: Evaluate> Task for Shift<'_, P> {
                     evaluate::<L, P>(plain, group, part, lists, stats);
                 }
             }
-            let unsafe_ones = hit & !safe;
-            if unsafe_ones != 0 {
+            let careful_ones = hit & !safe;
+            if careful_ones != 0 {
                 for index in 0..FIELDS {
-                    careful.write(index, fields[index], unsafe_ones);
+                    careful.write(index, fields[index], careful_ones);
                 }
-                careful.write(10, inverse_square.mul(r), unsafe_ones);
+                careful.write(10, inverse_square.mul(r), careful_ones);
                 if let Some(table) = &group.table {
-                    careful.write(PLACE, table.place(z), unsafe_ones);
+                    careful.write(PLACE, table.place(z), careful_ones);
                 }
                 for wall in 0..walls {
                     let (from, to) = (FIELDS + WALL_FIELDS * wall, 11 + WALL_FIELDS * wall);
                     let normal = [near.load::<L>(from, at), near.load(from + 1, at), near.load(from + 2, at)];
                     for axis in 0..3 {
-                        careful.write(to + axis, dot_plus(&normal, &axes[axis], zero), unsafe_ones);
+                        careful.write(to + axis, dot_plus(&normal, &axes[axis], zero), careful_ones);
                     }
-                    careful.write(to + 3, near.load::<L>(from + 3, at), unsafe_ones);
+                    careful.write(to + 3, near.load::<L>(from + 3, at), careful_ones);
                 }
-                careful.len += unsafe_ones.count_ones() as usize;
+                careful.len += careful_ones.count_ones() as usize;
                 if careful.len + LANES > CHUNK {
                     evaluate_carefully::<L, P>(careful, walls, group, part, lists, stats);
                 }
@@ -279,7 +279,8 @@ fn accumulate<L: Lanes>(sums: &mut [L; 3], weight: L, photon: &Spread<L>) {
     }
 }
 
-/// The same of light that is attenuated on its way, as the group's table says that has so many channels; 0 for none.
+/// Adds a photon's power to the sums of a vector of rays, times `weight` and the transmittance on its way, which the
+/// group's table knows in `TABLE` channels; with none, `weight` alone counts.
 #[inline(always)]
 fn accumulate_passed<L: Lanes, const TABLE: usize>(
     sums: &mut [L; 3],
@@ -311,11 +312,7 @@ fn add_to_rows<L: Lanes>(rows: &mut [Row; 3], sums: &[L; 3]) {
 
 /// Lists which photons of a chunk each vector may meet. Returns their numbers.
 #[inline(always)]
-fn list<L: Lanes>(
-    chunk: &Chunk,
-    group: &Group,
-    lists: &mut [[u32; CHUNK_STRIDE]; VECTORS],
-) -> [usize; VECTORS] {
+fn list<L: Lanes>(chunk: &Chunk, group: &Group, lists: &mut [[u32; CHUNK_STRIDE]; VECTORS]) -> [usize; VECTORS] {
     let mut counts = [0; VECTORS];
     for (vector, list) in lists.iter_mut().enumerate().take(group.vectors()) {
         let around = group.near[vector].lanes::<L>();
@@ -433,7 +430,8 @@ fn evaluate_listed<L: Lanes, P: Evaluate, const PINHOLE: bool, const TABLE: usiz
     (tested, met)
 }
 
-/// The same for photons near walls or near an end of a ray.
+/// Adds what the photons of a chunk contribute that lie near walls or near an end of a ray: each ray's ends are tested,
+/// and walls cut discs.
 #[inline(always)]
 fn evaluate_carefully<L: Lanes, P: Evaluate>(
     chunk: &mut Chunk,
