@@ -85,6 +85,7 @@ impl<P: Evaluate> Task for Shift<'_, P> {
         plain.len = 0;
         careful.len = 0;
         for at in (0..near.len).step_by(LANES) {
+            // Where photons lie in the group's frame, and whether any ray may meet them.
             let x = [near.load::<L>(0, at), near.load(1, at), near.load(2, at)];
             let inverse_square = near.load::<L>(3, at);
             let a = dot_plus(&x, &axes[0], offset[0]);
@@ -98,6 +99,8 @@ impl<P: Evaluate> Task for Shift<'_, P> {
             if hit == 0 {
                 continue;
             }
+
+            // The phase function and the transmittance along the group's axis.
             let direction = [near.load::<L>(4, at), near.load(5, at), near.load(6, at)];
             let d = [
                 dot_plus(&direction, &axes[0], zero),
@@ -122,6 +125,8 @@ impl<P: Evaluate> Task for Shift<'_, P> {
                     ]
                 }
             };
+
+            // How both change with the slope of a ray, and all that a chunk holds of a photon.
             let fields = [
                 a,
                 b,
@@ -134,6 +139,8 @@ impl<P: Evaluate> Task for Shift<'_, P> {
                 near.load::<L>(8, at).mul(weights[1]),
                 near.load::<L>(9, at).mul(weights[2]),
             ];
+
+            // Photons between the ends of all rays and near no wall.
             let inside = L::bits(L::and(all_start.less(z.sub(margin)), z.add(margin).less(all_end)));
             let safe = if walls == 0 { hit & inside } else { 0 };
             if safe != 0 {
@@ -148,6 +155,8 @@ impl<P: Evaluate> Task for Shift<'_, P> {
                     evaluate::<L, P>(plain, group, part, lists, stats);
                 }
             }
+
+            // Photons near a wall or an end.
             let careful_ones = hit & !safe;
             if careful_ones != 0 {
                 for index in 0..FIELDS {
