@@ -1,5 +1,7 @@
 //! Optical depth along a ray, tabulated before photons are gathered.
 
+use crate::math::Ray;
+use crate::medium::Medium;
 use crate::photon::simd::{LANES, Lanes, Row};
 
 /// The density integrated along a ray, D(t) = ∫₀ᵗ ρ, from values and slopes (the density) at knots:
@@ -13,7 +15,7 @@ pub struct DepthTable {
     knots: Vec<Knot>,
     /// The cubic after each knot; the last is constant.
     pieces: Vec<Piece<f64>>,
-    /// The same, rounded.
+    /// The cubics in single precision, for many photons at once.
     rounded: Vec<Piece<f32>>,
     /// For each of evenly wide buckets along the table, the piece its start lies in.
     buckets: Vec<u32>,
@@ -38,8 +40,14 @@ struct Piece<F> {
     coefficients: [F; 4],
 }
 
+/// Optical depth may grow by this much between two knots.
+const DEPTH_STEP: f64 = 0.5;
+
 /// Buckets for each piece.
 const BUCKETS: usize = 4;
+
+/// Coefficients of up to this size, thrice taken, are finite in single precision.
+const LARGEST: f64 = 1e38;
 
 impl DepthTable {
     /// A table without knots: no depth anywhere.
@@ -55,16 +63,18 @@ impl DepthTable {
         self.buckets.clear();
     }
 
-    /// Adds a knot at `t`, with D(t) and ρ(t), both finite. A second knot at the same place says to what
-    /// the density jumps there; one that lies before the last is dropped. Depths and densities below
-    /// what is possible are raised to it.
+    /// Adds a knot at `t`, with D(t) and ρ(t). A second knot at the same place says to what the density jumps there; one
+    /// that lies before the last, or at no finite place, is dropped. Depths and densities below what is possible are
+    /// raised to it, and endless ones are taken for the largest finite number.
     pub fn push(&mut self, t: f64, depth: f64, density: f64) {
-        let density = density.max(0.0);
+        let possible = |value: f64| if value > 0.0 { value.min(f64::MAX) } else { 0.0 };
+        let (depth, density) = (possible(depth), possible(density));
         match self.knots.last_mut() {
+            _ if !t.is_finite() => {}
             Some(last) if t < last.t => {}
             Some(last) if t == last.t => last.after = density,
             last => {
-                let depth = last.map_or(depth.max(0.0), |last| depth.max(last.depth));
+                let depth = last.map_or(depth, |last| depth.max(last.depth));
                 self.knots.push(Knot { t, depth, before: density, after: density });
             }
         }
@@ -92,11 +102,22 @@ impl DepthTable {
             // A look-up scans forward only. Its rounding may choose the next bucket for a place at
             // the end of this one, so each bucket's piece is that of slightly before its start.
             let start = first.t + (bucket as f64 - 0.0625) / count as f64 * length;
-            while self.pieces[piece].end <= start {
+            while self.pieces[piece].end <= start && piece + 1 < self.pieces.len() {
                 piece += 1;
             }
             self.buckets.push(piece as u32);
         }
+    }
+
+    /// Makes it the table of a ray through a medium from `a` to `b`, both finite, with lengths and depths from `a` on,
+    /// ready for look-ups.
+    pub(super) fn tabulate(&mut self, medium: &Medium, ray: &Ray, (a, b): (f64, f64)) {
+        self.clear();
+        self.push(0.0, 0.0, medium.density.at(ray.at(a)));
+        let largest = medium.extinction.max_element();
+        let is_long = |depth: f64| depth * largest > DEPTH_STEP;
+        medium.density.knots(ray, (a, b), is_long, |t, depth, density| self.push(t - a, depth, density));
+        self.finish();
     }
 
     /// A place at or beyond which D is at least this; infinite if it never is.
@@ -180,7 +201,8 @@ impl DepthTable {
 
 impl Piece<f64> {
     fn rounded(&self) -> Piece<f32> {
-        Piece { start: self.start as f32, end: self.end as f32, coefficients: self.coefficients.map(|c| c as f32) }
+        let finite = |c: f64| c.min(f64::from(f32::MAX)) as f32;
+        Piece { start: self.start as f32, end: self.end as f32, coefficients: self.coefficients.map(finite) }
     }
 
     fn between(a: &Knot, b: &Knot) -> Self {
@@ -200,7 +222,10 @@ impl Piece<f64> {
         }
         let c2 = (3.0 * secant - 2.0 * start - end) / width;
         let c3 = (start + end - 2.0 * secant) / (width * width);
-        Piece { start: a.t, end: b.t, coefficients: [a.depth, start, c2, c3] }
+        // What is too narrow for that in single precision is a step at its end.
+        let largest = start + c2.abs() + c3.abs();
+        let rest = if largest <= LARGEST { [start, c2, c3] } else { [0.0; 3] };
+        Piece { start: a.t, end: b.t, coefficients: [a.depth, rest[0], rest[1], rest[2]] }
     }
 }
 

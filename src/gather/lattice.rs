@@ -1,7 +1,7 @@
 //! Optical depths of many rays from one point, as of a pinhole camera through neighbouring pixels: a lattice of rays
 //! is sampled, and those between are interpolated.
 
-use super::sampled::{MOST, SampledDepths, Samples};
+use super::sampled::{SampledDepths, Samples, countable};
 use crate::math::{DVec3, Frame, Ray};
 use crate::medium::density::Density;
 
@@ -28,8 +28,8 @@ const WORTHWHILE: f64 = 2.0;
 #[derive(Clone, Debug, Default)]
 pub struct Lattices {
     fan: Option<Fan>,
-    /// By medium, those the fan has asked about.
-    lattices: Vec<(u32, Option<Lattice>)>,
+    /// By medium and step, those the fan has asked about.
+    lattices: Vec<((u32, f64), Option<Lattice>)>,
 }
 
 impl Lattices {
@@ -43,7 +43,7 @@ impl Lattices {
     /// not be accurate, or not worthwhile.
     pub fn sample(
         &mut self,
-        (number, density): (u32, &Density),
+        (medium, density): (u32, &Density),
         step: f64,
         ray: &Ray,
         range: (f64, f64),
@@ -51,8 +51,9 @@ impl Lattices {
         depths: &mut SampledDepths,
     ) -> Option<(Samples, f64)> {
         let fan = self.fan.as_ref().filter(|fan| fan.origin == ray.origin)?;
-        let place = self.lattices.iter().position(|(medium, _)| *medium == number).unwrap_or_else(|| {
-            self.lattices.push((number, Lattice::new(fan, density, step, (most, TOLERANCE / extinction))));
+        let key = (medium, step);
+        let place = self.lattices.iter().position(|(other, _)| *other == key).unwrap_or_else(|| {
+            self.lattices.push((key, Lattice::new(fan, density, step, (most, TOLERANCE / extinction))));
             self.lattices.len() - 1
         });
         let lattice = self.lattices[place].1.as_ref()?;
@@ -101,7 +102,7 @@ impl Lattice {
         let edge = ((2.0 * fan.slope / spacing).ceil() + 1.0).max(3.0);
         let (first, last) = ((nearest / step).floor(), (reach(0.5 * spacing * (edge - 1.0)) / step).ceil() + 1.0);
         let meets = deepest > 0.0 && first < last;
-        if !meets || edge * edge * WORTHWHILE > fan.rays as f64 || last - first >= MOST {
+        if !meets || edge * edge * WORTHWHILE > fan.rays as f64 || !countable(first, last + 1.0) {
             return None;
         }
         let (edge, count) = (edge as usize, (last - first) as usize + 1);
@@ -198,8 +199,8 @@ impl Lattice {
             let after = (before + 1).min(self.count - 1);
             at(before) + part * (at(after) - at(before))
         };
-        let (from, to) = ((a / self.step).floor() as i64 - self.first, (b / self.step).ceil() as i64 - self.first);
-        let [from, to] = [from, to].map(|place| place.clamp(0, self.count as i64 - 1) as usize);
+        let [from, to] = [(a / self.step).floor(), (b / self.step).ceil()]
+            .map(|multiple| (multiple - self.first as f64).clamp(0.0, (self.count - 1) as f64) as usize);
         let (start, total) = (depth(a), (depth(b) - depth(a)).max(0.0));
         let inner = from + 1..to.max(from + 1);
         let [p, q, r, s] = [p, q, r, s].map(|row| row[inner.clone()].iter());

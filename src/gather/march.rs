@@ -5,7 +5,6 @@
 //! the step, wherever the place is, and in any medium the sum is right on average for any size of steps.
 
 use super::DepthTable;
-use super::volume::tabulate;
 use crate::math::{Ray, Rgb, Stream, shares};
 use crate::medium::Medium;
 use smallvec::SmallVec;
@@ -80,7 +79,7 @@ impl March {
         let depth = if medium.density.is_even() {
             None
         } else {
-            tabulate(medium, ray, from, b, &mut self.table);
+            self.table.tabulate(medium, ray, (from, b));
             Some(&self.table)
         };
         let stretch = Stretch { ray, from, a, b, medium, depth, weight };
@@ -158,7 +157,7 @@ impl Step {
             channel += 1;
         }
         let grey = tau.x == tau.y && tau.x == tau.z;
-        let v = if grey { u } else { (rest / arriving[channel]).clamp(0.0, 1.0) };
+        let v = if grey { u } else { (rest / arriving[channel].max(f64::MIN_POSITIVE)).min(1.0) };
         let x = exponential(tau[channel], v);
         let density = (arriving * tau.map(|tau| (-tau * x).exp() / mean_transmittance(tau))).element_sum();
         Place { t: a + (b - a) * x, x, density: density / (b - a) }
@@ -249,7 +248,7 @@ impl Marcher {
                     let end = if i as f64 == count {
                         stretch.b
                     } else {
-                        steps.place(mass * (i as f64 / count), &mut knot).clamp(step.ends[1], stretch.b)
+                        steps.place(mass * (i as f64 / count), &mut knot).max(step.ends[1]).min(stretch.b)
                     };
                     step = Step { ends: [step.ends[1], end], depths: [step.depths[1], stretch.depth(end)] };
                     add(&mut sums, stretch, &step, u, 1.0 / roulette.reached, stream, source);

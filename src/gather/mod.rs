@@ -9,6 +9,8 @@ mod phase;
 mod point;
 mod sampled;
 mod stream;
+#[cfg(test)]
+mod tests;
 mod volume;
 
 pub use beam::{BeamQuery, GatherStats, Gathered};

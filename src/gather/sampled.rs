@@ -8,12 +8,17 @@
 
 use std::ops::ControlFlow;
 
-use super::bundle::GROUP;
 use super::depth::DepthTable;
 use crate::math::Ray;
 use crate::medium::density::{Density, Grid};
 use crate::photon::simd::{Isa, LANES, Lanes, Row, Task};
 use smallvec::SmallVec;
+
+/// Vectors of rays in a group, at most.
+pub(super) const VECTORS: usize = 4;
+
+/// Rays that gather together from one table, at most.
+pub(super) const GROUP: usize = VECTORS * LANES;
 
 /// The density integrated along rays from the beginnings of their stretches, at the multiples of one step of
 /// the ray's parameter.
@@ -32,7 +37,18 @@ pub struct Samples {
 }
 
 /// Samples of a ray, at most.
-pub(super) const MOST: f64 = 4096.0;
+const MOST: f64 = 4096.0;
+
+/// Multiples of a step are told apart, to a thousandth of it, up to this one; far beyond, one more is the same number.
+const FARTHEST: f64 = (1u64 << 42) as f64;
+
+/// Knots of a group's table, at most: to `f32`, a place among them is right to a thousandth of a step.
+const MOST_KNOTS: f64 = 2.0 * MOST;
+
+/// Whether a ray can have samples at these multiples of the step and all between.
+pub(super) fn countable(first: f64, last: f64) -> bool {
+    last - first <= MOST && first.abs() <= FARTHEST && last.abs() <= FARTHEST
+}
 
 impl SampledDepths {
     /// Forgets all rays.
@@ -52,7 +68,7 @@ impl SampledDepths {
         most: f64,
     ) -> Option<(Samples, f64)> {
         let (first, last) = ((a / step).floor(), (b / step).ceil());
-        if (last - first).is_nan() || last - first > MOST {
+        if !countable(first, last) {
             return None;
         }
         let start = self.values.len();
@@ -71,7 +87,8 @@ impl SampledDepths {
         // The last holds for all beyond.
         self.values.push(total as f32);
         let values = &self.values[start..];
-        if values.windows(2).any(|pair| f64::from(pair[1] - pair[0]) > most) {
+        let steep = |pair: &[f32]| f64::from(pair[1] - pair[0]) > most;
+        if !(total as f32).is_finite() || values.windows(2).any(steep) {
             self.values.truncate(start);
             return None;
         }
@@ -92,7 +109,7 @@ impl SampledDepths {
         Samples { first, start: start as u32, count: (self.values.len() - start) as u32 }
     }
 
-    /// The same depths as a table of lengths from the ray's parameter `a`, for a query of its own.
+    /// A ray's sampled depths as a table of lengths from the ray's parameter `a`, for a query of its own.
     pub(super) fn tabulate(&self, samples: Samples, step: f64, a: f64, table: &mut DepthTable) {
         let values = self.values(samples);
         let value = |index: usize| f64::from(values[index.min(values.len() - 1)]);
@@ -124,7 +141,7 @@ impl SampledDepths {
                 while next * step < cell.tb {
                     let x = ((next * step - cell.ta) * inverse).max(0.0);
                     let part = width * x * (start + x * (slope + x * bend));
-                    values.push((depth + part.clamp(0.0, inside)) as f32);
+                    values.push((depth + part.max(0.0).min(inside)) as f32);
                     next += 1.0;
                 }
             }
@@ -155,7 +172,7 @@ pub(super) struct TransmittanceTable {
 
 impl TransmittanceTable {
     /// Of rays that begin at z = `start` or after, sampled every `step`; `exponents` are −σ log₂e. One row a knot if
-    /// they are equal. What it was of is forgotten, and its memory used.
+    /// they are equal. What it was of is forgotten, and its memory used. `None` if that takes too many knots.
     pub(super) fn set(
         &mut self,
         depths: &SampledDepths,
@@ -164,28 +181,36 @@ impl TransmittanceTable {
         start: f64,
         exponents: [f32; 3],
         isa: Isa,
-    ) {
-        let mut knots = 2;
+    ) -> Option<()> {
+        let mut knots = 2.0f64;
         let along = |ray: Sampled| {
             // Where knot 0 falls among the ray's own samples.
             let offset = (start - ray.origin) / step - ray.samples.first as f64;
-            knots = knots.max((f64::from(ray.samples.count) - offset).ceil() as usize + 1);
+            // The last two lie where the depths of all rays are whole.
+            let enough = (f64::from(ray.samples.count) - offset).ceil() + 1.0;
+            knots = knots.max(if offset <= FARTHEST { enough } else { f64::INFINITY });
             let values = depths.values(ray.samples);
             Along { values, whole: offset.floor() as i64, part: (offset - offset.floor()) as f32 }
         };
         let rays: SmallVec<[Along<'_>; GROUP]> = rays.map(along).collect();
+        if knots > MOST_KNOTS {
+            return None;
+        }
+        let knots = knots as usize;
         let grey = exponents[0] == exponents[1] && exponents[0] == exponents[2];
         self.channels = if grey { 1 } else { 3 };
         self.knots = knots;
         (self.start, self.per_step) = (start as f32, (1.0 / step) as f32);
         self.rows.resize(rays.len().div_ceil(LANES) * knots * self.channels, Row([0.0; LANES]));
         isa.run(Pass { table: self, rays: &rays, exponents });
+        Some(())
     }
 
-    /// Where a photon's `z` lies among the knots.
+    /// Where a photon's `z` lies among the knots: from 0 to that of the last but one, beyond which nothing changes. There
+    /// is always another knot behind a place, and the number is a whole one that `f32` holds.
     #[inline(always)]
     pub(super) fn place<L: Lanes>(&self, z: L) -> L {
-        let last = L::splat((self.knots - 2) as f32 + 0.999_9);
+        let last = L::splat((self.knots - 2) as f32);
         z.sub(L::splat(self.start)).mul(L::splat(self.per_step)).max(L::splat(0.0)).min(last)
     }
 

@@ -6,9 +6,9 @@ use super::bundle::Bundle;
 use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, Sum};
 use super::{GatherStats, Gathered};
 use crate::math::DVec3;
-use crate::photon::discs::LEAF;
 use crate::photon::map::PhotonMap;
 use crate::photon::simd::{LANES, Lanes, Task, prefetch};
+use crate::photon::store::LEAF;
 
 /// Rays that go together: their sums and frames stay in the second cache.
 const BATCH: usize = 8192;

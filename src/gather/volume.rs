@@ -18,7 +18,7 @@ pub struct VolumeMaps {
     maps: Vec<Option<PhotonMap>>,
     phases: Vec<PhaseLanes>,
     extinctions: Vec<Vec3>,
-    /// By medium, the distance between two samples of a ray's depth: half of the density's feature length.
+    /// By medium, the distance between two samples of a ray's depth, at most: half of the density's feature length.
     steps: Vec<f64>,
 }
 
@@ -93,12 +93,13 @@ impl<O> Queue<O> {
     }
 }
 
-/// Optical depth may grow by this much between two knots of a depth table.
-const DEPTH_STEP: f64 = 0.5;
-
 /// Between two samples of a ray that gathers together with others, the optical depth may grow by this much:
 /// linear interpolation of transmittance is then right to 0.3 %, and far better on average.
 const MOST_PASSED: f64 = 0.15;
+
+/// Samples along the diagonal of a map's box, at least: on a ray's first and last step, which are cut, depth is not known
+/// better than to a part of what one of them adds.
+const SAMPLES: f64 = 64.0;
 
 impl VolumeMaps {
     /// From the maps of all regions, in their order, and all media.
@@ -116,7 +117,7 @@ impl VolumeMaps {
         self.maps.iter().flatten()
     }
 
-    /// The same, with their regions.
+    /// The maps that hold photons, with their regions.
     pub fn by_region(&self) -> impl Iterator<Item = (u32, &PhotonMap)> {
         self.maps.iter().enumerate().filter_map(|(region, map)| Some((region as u32, map.as_ref()?)))
     }
@@ -144,7 +145,7 @@ impl VolumeMaps {
         let total = |until_end: f64| if end < leaves { medium.density.depth(&ray, a, b) } else { until_end };
         if together {
             let extinction = medium.extinction.max_element();
-            let (most, step) = (MOST_PASSED / extinction, self.steps[reach.medium as usize]);
+            let (most, step) = (MOST_PASSED / extinction, self.step(map, reach.medium));
             let (density, range) = (&medium.density, (enters, end));
             let Queue { lattices, depths, .. } = queue;
             let sampled = lattices
@@ -155,7 +156,7 @@ impl VolumeMaps {
                 return medium.transmittance(total(depth));
             }
         }
-        tabulate(medium, &ray, a, end, &mut queue.table);
+        queue.table.tabulate(medium, &ray, (a, end));
         let query = BeamQuery { depth: Some(&queue.table), ..self.query(&reach) };
         queue.done.push((owner, map.gather(&query, &mut queue.stats)));
         medium.transmittance(total(queue.table.total()))
@@ -195,23 +196,28 @@ impl VolumeMaps {
         for same in waiting.chunk_by(|a, b| key(a) == key(b)) {
             let (region, medium, max_events, sampled) = key(&same[0]);
             let Some(map) = &self.maps[region as usize] else { continue };
-            let medium = medium as usize;
+            let index = medium as usize;
             rays.clear();
             rays.extend(same.iter().map(|Waiting { reach: Reach { ray, a, b, .. }, .. }| (*ray, *a, *b)));
             samples.clear();
             samples.extend(same.iter().filter_map(|waiting| waiting.samples));
             let bundle = Bundle {
                 rays: &rays,
-                phase: &self.phases[medium],
-                extinction: self.extinctions[medium],
+                phase: &self.phases[index],
+                extinction: self.extinctions[index],
                 max_events,
                 pruned: true,
-                depths: sampled.then_some((depths, self.steps[medium], &samples)),
+                depths: sampled.then_some((depths, self.step(map, medium), &samples)),
             };
             gather(map, &bundle, &mut gathered);
             done.extend(same.iter().map(|waiting| waiting.owner).zip(gathered.iter().copied()));
         }
         waiting.clear();
+    }
+
+    /// The distance between two samples of a ray that gathers from a map.
+    fn step(&self, map: &PhotonMap, medium: u32) -> f64 {
+        self.steps[medium as usize].min(map.bounds().diagonal() / SAMPLES)
     }
 
     /// A query without a table of depths.
@@ -276,16 +282,6 @@ pub fn emitted(
             sum
         }
     }
-}
-
-/// Fills `table` with the depth from `a` on, in lengths from `a`.
-pub(super) fn tabulate(medium: &Medium, ray: &Ray, a: f64, b: f64, table: &mut DepthTable) {
-    table.clear();
-    table.push(0.0, 0.0, medium.density.at(ray.at(a)));
-    let largest = medium.extinction.max_element();
-    let is_long = |depth: f64| depth * largest > DEPTH_STEP;
-    medium.density.knots(ray, (a, b), is_long, |t, depth, density| table.push(t - a, depth, density));
-    table.finish();
 }
 
 impl Gathered {

@@ -18,13 +18,7 @@ impl Instructions {
 
 impl fmt::Display for Instructions {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self.0 {
-            #[cfg(target_arch = "x86_64")]
-            Isa::Avx512 => "AVX-512",
-            #[cfg(target_arch = "x86_64")]
-            Isa::Avx2 => "AVX2",
-            Isa::Portable => "portable",
-        })
+        f.write_str(self.0.name())
     }
 }
 

@@ -1,26 +1,12 @@
 //! The volume photon map: photons in blocks of sixteen, in the order of a median split.
 
-use super::discs::{self, Node, Widths, photons_in};
 use super::kernel::Profile;
 use super::radii;
-use super::simd::{Isa, LANES, Row, prefetch_at};
+use super::simd::{Isa, LANES, Row};
+use super::store::{self, Blocks, Node, Photon, Widths, ordered, photons_in, storable};
 use crate::math::{Bounds, Vec3};
 use rayon::prelude::*;
 use smallvec::SmallVec;
-
-/// A photon at a collision in a medium.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Photon {
-    /// Where it collided.
-    pub position: Vec3,
-    /// The unit direction it travelled in.
-    pub direction: Vec3,
-    /// Its flux \[W\] into the collision, already divided by the number of emitted photons, times
-    /// the albedo there.
-    pub power: Vec3,
-    /// Events between the light and this collision, at most 255; 0 for light that came straight.
-    pub events: u8,
-}
 
 /// How wide photons are spread.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -92,109 +78,6 @@ pub struct Radii {
     pub max: f32,
 }
 
-/// Sixteen photons. Lanes without one lie at infinity and have no power.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Block<'a> {
-    pub position: &'a [Row; 3],
-    pub direction: &'a [Row; 3],
-    /// K₂(0) · power/r².
-    pub power: &'a [Row; 3],
-    /// 1/r².
-    pub inverse_square: &'a Row,
-}
-
-/// Blocks of photons, the rows of each next to one another. A radius that all share is stored once.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Blocks {
-    /// 1/r² in front of each block, or of all; then position, direction and power of its photons.
-    rows: Vec<Row>,
-    /// How many blocks there are.
-    count: usize,
-    /// Rows from block to block.
-    stride: usize,
-    /// What counts of the place of a block's 1/r²: all of it, or nothing, which leaves the first row of all.
-    mask: usize,
-}
-
-/// Rows of a block besides 1/r².
-const ROWS: usize = 9;
-
-impl Blocks {
-    /// Takes photons in order, their powers multiplied by `gain`; and their events, if `tagged`. Without an
-    /// `inverse_square` of all, room is left for that of each.
-    fn new(photons: Vec<Photon>, inverse_square: Option<f32>, gain: f32, tagged: bool) -> (Self, Vec<[u8; LANES]>) {
-        let count = photons.len().div_ceil(LANES);
-        let stride = ROWS + usize::from(inverse_square.is_none());
-        let own = stride - ROWS;
-        let mut rows = Vec::with_capacity(1 + count * stride);
-        let mut events = Vec::with_capacity(if tagged { count } else { 0 });
-        rows.extend(inverse_square.map(|x| Row([x; LANES])));
-        for photons in pieces(photons) {
-            let from = rows.len();
-            rows.resize(from + photons.len().div_ceil(LANES) * stride, Row([0.0; LANES]));
-            let fill = |(rows, photons): (&mut [Row], &[Photon])| {
-                let rows = &mut rows[own..];
-                rows[..3].fill(Row([f32::INFINITY; LANES]));
-                for (lane, photon) in photons.iter().enumerate() {
-                    for axis in 0..3 {
-                        rows[axis].0[lane] = photon.position[axis];
-                        rows[3 + axis].0[lane] = photon.direction[axis];
-                        rows[6 + axis].0[lane] = gain * photon.power[axis];
-                    }
-                }
-            };
-            rows[from..].par_chunks_mut(stride).zip(photons.par_chunks(LANES)).for_each(fill);
-            if tagged {
-                events.par_extend(events_of(&photons));
-            }
-        }
-        (Blocks { rows, count, stride, mask: own.wrapping_neg() }, events)
-    }
-
-    /// Gives each photon its own 1/r², and multiplies its power by that and by `gain`.
-    fn spread(&mut self, photons: usize, radii: &[f32], gain: f32) {
-        let blocks = self.rows.par_chunks_mut(self.stride).zip(radii.par_chunks(LANES));
-        blocks.enumerate().for_each(|(index, (rows, radii))| {
-            rows[0] = Row([f32::INFINITY; LANES]);
-            for (lane, &r) in radii[..photons_in(index, photons)].iter().enumerate() {
-                rows[0].0[lane] = 1.0 / (r * r);
-                for power in &mut rows[1 + 6..] {
-                    power.0[lane] *= gain / (r * r);
-                }
-            }
-        });
-    }
-
-    /// How many there are.
-    #[inline(always)]
-    pub(crate) fn len(&self) -> usize {
-        self.count
-    }
-
-    /// Block `index`.
-    #[inline(always)]
-    pub(crate) fn get(&self, index: usize) -> Block<'_> {
-        assert!(index < self.count, "no such block");
-        let at = index * self.stride;
-        // SAFETY: block `count` − 1 ends with `rows`, and so this one does not end behind it: its 1/r² lies in front of
-        // its rows, or in front of all. Two checks instead of one would cost 3 % of a query.
-        let (rows, inverse_square) =
-            unsafe { (self.rows.get_unchecked(at + 1..at + 1 + ROWS), self.rows.get_unchecked(at & self.mask)) };
-        let (triples, _) = rows.as_chunks::<3>();
-        Block { position: &triples[0], direction: &triples[1], power: &triples[2], inverse_square }
-    }
-
-    /// Asks the processor to fetch block `index`.
-    #[inline(always)]
-    pub(crate) fn prefetch(&self, index: usize) {
-        prefetch_at::<[Row; 1 + ROWS]>(self.rows.as_ptr().wrapping_add(index * self.stride).cast());
-    }
-
-    fn bytes(&self) -> usize {
-        size_of_val(&*self.rows)
-    }
-}
-
 /// At most one wall for each photon of a block; lanes without one have `distance` ∞.
 #[derive(Clone, Debug, PartialEq)]
 #[repr(C, align(64))]
@@ -226,9 +109,6 @@ const CHUNK: usize = 256;
 
 /// Chunks whose walls are looked for before those found are put together.
 const ROUND: usize = 64;
-
-/// Subsets of fewer photons are ordered by one thread.
-const PARALLEL_PHOTONS: usize = 8192;
 
 /// Where boxes bound discs better than spheres: mean radius over the mean longest edge of the box
 /// around a block's photons. Measured in `benches/beam.rs`.
@@ -304,7 +184,7 @@ impl PhotonMap {
                 (blocks, events, Widths::Own(&own))
             }
         };
-        let (nodes, extent) = discs::build(&blocks, count, radii);
+        let (nodes, extent) = store::build(&blocks, count, radii);
         let summary = match radii {
             Widths::Same(r) if count > 0 => Radii { min: r, mean: r, max: r },
             Widths::Same(_) => Radii::default(),
@@ -404,78 +284,6 @@ impl PhotonMap {
     }
 }
 
-impl Photon {
-    fn is_finite(&self) -> bool {
-        self.position.is_finite() && self.direction.is_finite() && self.power.is_finite()
-    }
-}
-
-/// The photons that a map can hold.
-pub(super) fn storable(mut photons: Vec<Photon>) -> Vec<Photon> {
-    photons.truncate(u32::MAX as usize);
-    if !photons.par_iter().all(Photon::is_finite) {
-        photons.retain(Photon::is_finite);
-    }
-    photons
-}
-
-/// Photons in median order.
-pub(super) fn ordered(mut photons: Vec<Photon>) -> Vec<Photon> {
-    split(&mut photons);
-    photons
-}
-
-/// The most pieces that photons are handled in.
-const PIECES: usize = 16;
-
-/// Photons in pieces of whole blocks, in order: memory is given back piece by piece.
-pub(super) fn pieces(mut photons: Vec<Photon>) -> Vec<Vec<Photon>> {
-    let size = photons.len().div_ceil(PIECES).next_multiple_of(PARALLEL_PHOTONS);
-    let mut pieces = Vec::with_capacity(PIECES);
-    while photons.len() > size {
-        pieces.push(photons.split_off((photons.len() - 1) / size * size));
-        photons.shrink_to_fit();
-    }
-    pieces.push(photons);
-    pieces.reverse();
-    pieces
-}
-
-/// The photons' events, by block.
-pub(super) fn events_of(photons: &[Photon]) -> impl IndexedParallelIterator<Item = [u8; LANES]> {
-    photons.par_chunks(LANES).map(|photons| {
-        let mut events = [u8::MAX; LANES];
-        for (event, photon) in events.iter_mut().zip(photons) {
-            *event = photon.events;
-        }
-        events
-    })
-}
-
-/// Puts photons in the order of a median split along the longest edge, down to blocks. Splits fall
-/// between whole blocks, where the hierarchy splits too.
-fn split(photons: &mut [Photon]) {
-    let blocks = photons.len().div_ceil(LANES);
-    if blocks <= 1 {
-        return;
-    }
-    let (mut min, mut max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-    for photon in photons.iter() {
-        min = min.min(photon.position);
-        max = max.max(photon.position);
-    }
-    let axis = (max - min).max_position();
-    let middle = blocks / 2 * LANES;
-    photons.select_nth_unstable_by(middle, |a, b| a.position[axis].total_cmp(&b.position[axis]));
-    let (low, high) = photons.split_at_mut(middle);
-    if low.len() + high.len() >= PARALLEL_PHOTONS {
-        rayon::join(|| split(low), || split(high));
-    } else {
-        split(low);
-        split(high);
-    }
-}
-
 /// The least and the largest of adaptive radii, for photons in a box.
 pub(super) fn radius_limits(max_radius: f32, scale: f32, min: Vec3, max: Vec3) -> (f32, f32) {
     let diagonal = max.distance(min);
@@ -498,7 +306,7 @@ fn radii_of(
     (neighbours, pilot): (u32, u32),
     (max_radius, scale): (f32, f32),
 ) -> Vec<f32> {
-    let (nodes, extent) = discs::build(blocks, photons, Widths::Same(0.0));
+    let (nodes, extent) = store::build(blocks, photons, Widths::Same(0.0));
     let (least, cap) = radius_limits(max_radius, scale, extent.min, extent.max);
     if photons <= 1 {
         return vec![cap; blocks.len() * LANES];
@@ -630,7 +438,7 @@ mod tests {
     fn nearest_distances_equal_those_of_a_search_through_all() {
         for (count, m) in [(2, 1), (3, 2), (16, 5), (17, 16), (40, 23), (500, 1), (3000, 23), (3000, 700)] {
             let (blocks, _) = Blocks::new(ordered(uneven(count)), None, 1.0, false);
-            let (nodes, _) = discs::build(&blocks, count, Widths::Same(0.0));
+            let (nodes, _) = store::build(&blocks, count, Widths::Same(0.0));
             let at = |i: usize| blocks.get(i / LANES).position.each_ref().map(|row| f64::from(row.0[i % LANES]));
             let all: Vec<[f64; 3]> = (0..count).map(at).collect();
             for isa in Isa::available() {

@@ -1,6 +1,5 @@
 //! Volume photons: how they are stored, how wide they are spread, and the hierarchy over them.
 
-pub(crate) mod discs;
 mod emission;
 mod history;
 mod instructions;
@@ -11,12 +10,14 @@ mod points;
 mod radii;
 pub(crate) mod simd;
 mod sinks;
+pub(crate) mod store;
 mod tracer;
 mod uneven;
 pub mod walls;
 
 pub use emission::Sources;
 pub use instructions::Instructions;
-pub use map::{Disc, MapSettings, Photon, PhotonMap, Plane, Radii, Radius};
+pub use map::{Disc, MapSettings, PhotonMap, Plane, Radii, Radius};
 pub use points::{Ball, PointMap, PointMemory, PointSettings};
+pub use store::Photon;
 pub use tracer::{Pass, Traced, trace};

@@ -7,11 +7,11 @@
 //! long. Look-ups that follow one
 //! another are close to one another, so the last radius is a bound that seldom fails.
 
-use super::discs::{LEAF, STACK, children, node_count, photons_in};
 use super::kernel::Profile;
-use super::map::{Photon, Radii, events_of, ordered, pieces, radius_limits, storable, summary};
+use super::map::{Radii, radius_limits, summary};
 use super::radii::{KEPT, List};
 use super::simd::{Isa, LANES, Lanes, Row, Task};
+use super::store::{LEAF, Photon, STACK, children, events_of, node_count, ordered, photons_in, pieces, storable};
 use crate::math::{Bounds, Vec3};
 use rayon::prelude::*;
 use std::ops::Range;

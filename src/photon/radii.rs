@@ -4,9 +4,8 @@
 //! to it in median order, one walk through the tree finds the nodes near the block, and each photon
 //! then looks into the blocks that its own bound reaches.
 
-use super::discs::{LEAF, Node, STACK, photons_in};
-use super::map::{Block, Blocks};
 use super::simd::{Isa, LANES, Lanes, Row, Task};
+use super::store::{Block, Blocks, LEAF, Node, STACK, photons_in};
 use rayon::prelude::*;
 
 /// Blocks that one task handles.

@@ -12,9 +12,9 @@ use std::f32::consts::PI;
 
 use rayon::prelude::*;
 
-use super::discs::photons_in;
 use super::kernel::Profile;
 use super::map::{PhotonMap, WallLayer};
+use super::store::photons_in;
 use crate::math::{DVec3, Vec3};
 
 /// Places on a disc where its density is looked up, its centre not counted.

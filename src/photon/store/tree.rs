@@ -2,8 +2,8 @@
 //! collapsed into one node of at most sixteen children, each bounded by a sphere and by a box. Nodes
 //! of fewer children stand at the top, where there is only one of them.
 
-use super::map::Blocks;
-use super::simd::{LANES, Row};
+use super::{Blocks, photons_in};
+use crate::photon::simd::{LANES, Row};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -102,11 +102,6 @@ pub(crate) fn build(blocks: &Blocks, photons: usize, radii: Widths<'_>) -> (Vec<
     (nodes, extent)
 }
 
-/// Photons in block `block` of a map of `photons`.
-pub(crate) fn photons_in(block: usize, photons: usize) -> usize {
-    (photons - block * LANES).min(LANES)
-}
-
 struct Input<'a> {
     blocks: &'a Blocks,
     photons: usize,
@@ -122,7 +117,7 @@ impl Extent {
 /// What `make` says of each part of a range of blocks, in order: given the part, and, if it is a subtree and no single
 /// block, its root's index and its nodes, which are taken from those behind the parent at `first`. Fills the parent's
 /// `indices`.
-pub(super) fn children<N: Send, R: Send>(
+pub(crate) fn children<N: Send, R: Send>(
     range: &Range<usize>,
     first: usize,
     mut nodes: &mut [N],
@@ -208,7 +203,7 @@ impl Input<'_> {
 
 /// Where a range of blocks is split: up to sixteen parts, none empty. The order of photons splits at
 /// the same places.
-pub(super) fn parts(range: &Range<usize>) -> smallvec::SmallVec<[usize; LANES + 1]> {
+pub(crate) fn parts(range: &Range<usize>) -> smallvec::SmallVec<[usize; LANES + 1]> {
     if range.len() <= LANES {
         return (range.start..=range.end).collect();
     }
@@ -232,7 +227,7 @@ pub(super) fn parts(range: &Range<usize>) -> smallvec::SmallVec<[usize; LANES + 
 }
 
 /// How many nodes the tree over `blocks` blocks has.
-pub(super) fn node_count(blocks: usize) -> usize {
+pub(crate) fn node_count(blocks: usize) -> usize {
     if blocks <= LANES {
         return 1;
     }

@@ -1,0 +1,288 @@
+//! What is promised of beam queries in whatever scene.
+
+use std::sync::Arc;
+
+use glam::{DAffine3, DMat3};
+use rayon::prelude::*;
+use smallvec::SmallVec;
+
+use super::depth::DepthTable;
+use super::{BeamQuery, Fan, GatherStats, PhaseLanes, Queue, Reach, VolumeMaps};
+use crate::math::random::Purpose;
+use crate::math::{DVec3, Frame, Ray, Rgb, Stream, Vec3, sampling};
+use crate::medium::density::bricks::{BrickGrid, Interpolation, NegativePolicy};
+use crate::medium::density::{Density, Exponential, Grid};
+use crate::medium::phase::{HenyeyGreenstein, Isotropic, Phase, Schlick};
+use crate::medium::{Emission, Medium};
+use crate::photon::kernel::Profile;
+use crate::photon::{MapSettings, Photon, PhotonMap, Plane, Radius};
+
+/// Scenes that are made, and views of each.
+const WORLDS: u64 = 250;
+const VIEWS: usize = 40;
+
+/// Random numbers with a shape.
+struct Dice(Stream);
+
+impl Dice {
+    fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.0.uniform()
+    }
+
+    /// 10 to a power between these.
+    fn decades(&mut self, low: f64, high: f64) -> f64 {
+        10f64.powf(self.between(low, high))
+    }
+
+    fn below(&mut self, count: usize) -> usize {
+        (self.0.uniform() * count as f64) as usize
+    }
+
+    fn chance(&mut self, chance: f64) -> bool {
+        self.0.uniform() < chance
+    }
+
+    fn direction(&mut self) -> DVec3 {
+        sampling::sphere(self.0.uniform2())
+    }
+
+    /// In [−1, 1]³.
+    fn cube(&mut self) -> DVec3 {
+        DVec3::from_array([0; 3].map(|_| self.between(-1.0, 1.0)))
+    }
+}
+
+/// Photons and the medium they are in.
+struct World {
+    /// Half the edges of the box they are in, and its centre.
+    half: DVec3,
+    center: DVec3,
+    medium: Medium,
+    maps: VolumeMaps,
+    /// The map within, and one of the same photons whose discs fall off less towards their rims.
+    map: PhotonMap,
+    fuller: PhotonMap,
+    /// Whether queries can be compared: nothing is too dense, too large, or cut off by walls.
+    comparable: bool,
+}
+
+/// Voxels along each axis, most often thousands along one of them.
+fn voxels(dice: &mut Dice, half: DVec3, center: DVec3) -> Grid {
+    const MOST: f64 = 30_000.0;
+    let long = dice.decades(0.0, 3.6).ceil();
+    let wide = dice.between(1.0, f64::min(long, MOST / long)).floor();
+    let deep = dice.between(1.0, f64::min(long, MOST / (long * wide)).max(1.0)).floor();
+    let mut edges = [long as usize, wide as usize, deep as usize];
+    edges.rotate_left(dice.below(3));
+    let emptiness = dice.between(0.0, 0.6);
+    let values: Vec<f32> = (0..edges.into_iter().product())
+        .map(|_| if dice.chance(emptiness) { 0.0 } else { dice.0.uniform() as f32 })
+        .collect();
+    let origin = [0; 3].map(|_| dice.between(-50.0, 50.0) as i32);
+    let bricks = BrickGrid::from_dense(origin, edges, &values, 0.0, NegativePolicy::Error).expect("finite");
+    let even = dice.chance(0.2);
+    let bricks = bricks.with_interpolation(if even { Interpolation::Nearest } else { Interpolation::Trilinear });
+    // The voxels fill the box, more or less, which makes them as uneven as it is; or they are turned, too.
+    let count = DVec3::from_array(edges.map(|edge| edge as f64));
+    let first = DVec3::from_array(origin.map(f64::from));
+    let scale = 2.0 * half * dice.between(0.5, 2.0) / count;
+    let turned = if dice.chance(0.5) {
+        DMat3::from_axis_angle(dice.direction(), dice.between(0.0, 6.3))
+    } else {
+        DMat3::IDENTITY
+    };
+    let to_middle = DAffine3::from_translation(-(first + 0.5 * (count - 1.0)));
+    let placed = DAffine3::from_mat3_translation(turned * DMat3::from_diagonal(scale), center);
+    Grid::new(Arc::new(bricks), placed * to_middle)
+}
+
+fn world(dice: &mut Dice) -> World {
+    let absurd = dice.chance(0.03);
+    let extent = if absurd { dice.decades(15.0, 25.0) } else { dice.decades(-4.0, 5.0) };
+    let half = DVec3::from_array([0; 3].map(|_| extent * dice.decades(-2.0, 0.0)));
+    let center = if dice.chance(0.5) { DVec3::ZERO } else { dice.cube() * extent };
+    let photons: Vec<Photon> = (0..1 + dice.below(300))
+        .map(|_| Photon {
+            position: (center + half * dice.cube()).as_vec3(),
+            direction: dice.direction().as_vec3(),
+            power: Vec3::from_array([0; 3].map(|_| dice.0.uniform() as f32)),
+            events: dice.below(4) as u8,
+        })
+        .collect();
+    let radius = if dice.chance(0.5) {
+        Radius::Fixed((extent * dice.decades(-1.5, 0.3)) as f32)
+    } else {
+        let max_radius = if dice.chance(0.5) { f32::INFINITY } else { (extent * dice.decades(-1.0, 0.0)) as f32 };
+        Radius::Variable { neighbours: 1 + dice.below(60) as u32, pilot: 1 + dice.below(8) as u32, max_radius }
+    };
+    let walled = dice.chance(0.2);
+    let planes = |x: Vec3, r: f32, _: f32, planes: &mut SmallVec<[Plane; 3]>| {
+        for (axis, normal) in [Vec3::X, Vec3::Y, Vec3::Z].into_iter().enumerate() {
+            let distance = (half[axis] - (f64::from(x[axis]) - center[axis]).abs()).max(0.0) as f32;
+            if walled && distance < 2.0 * r {
+                let side = if f64::from(x[axis]) < center[axis] { 1.0 } else { -1.0 };
+                planes.push(Plane { normal: side * normal, distance, leans: false });
+            }
+        }
+    };
+    let settings = MapSettings { tagged: dice.chance(0.5), ..MapSettings::new(radius) };
+    let map = PhotonMap::build(photons.clone(), &settings, &planes);
+    let fuller = PhotonMap::build(photons, &MapSettings { profile: Profile::Epanechnikov, ..settings }, &planes);
+
+    let density = match dice.below(6) {
+        0 | 1 => Density::Uniform,
+        2 => Density::Exponential(Exponential {
+            origin: center,
+            up: dice.direction(),
+            scale_height: extent * dice.decades(-1.0, 2.0),
+            value: 1.0,
+        }),
+        _ => Density::Grid(voxels(dice, half, center)),
+    };
+    // So thin that nowhere is left to roulette, or so dense that most is.
+    let dense = dice.chance(0.1);
+    let across = if dense { dice.decades(0.0, 6.0) } else { dice.decades(-2.0, 0.0) };
+    let extinction = across / extent * if dice.chance(0.5) { Rgb::ONE } else { Rgb::new(0.0, 1.0, 0.3) };
+    let phase = match dice.below(4) {
+        0 => Phase::Isotropic(Isotropic),
+        1 => Phase::Schlick(Schlick { k: dice.between(-0.9, 0.9) }),
+        _ => Phase::HenyeyGreenstein(HenyeyGreenstein { g: dice.between(-0.9, 0.9) }),
+    };
+    let medium = Medium { name: String::new(), extinction, albedo: Rgb::ONE, phase, density, emission: Emission::None };
+    let maps = VolumeMaps::new(vec![Some(map.clone())], std::slice::from_ref(&medium));
+    World { half, center, medium, maps, map, fuller, comparable: !(absurd || dense || walled) }
+}
+
+/// Rays through neighbouring pixels, from a pinhole or a lens, near or far; and their fan.
+fn view(dice: &mut Dice, world: &World) -> (Vec<Reach>, Option<Fan>) {
+    let extent = world.half.max_element();
+    let target = world.center + world.half * dice.cube();
+    let distance = if dice.chance(0.3) { extent * dice.between(0.0, 1.0) } else { extent * dice.decades(0.0, 4.5) };
+    let from = target + distance * dice.direction();
+    let frame = Frame::around((target - from).try_normalize().unwrap_or(DVec3::Z));
+    let slope = extent * dice.decades(-3.0, 0.0) / distance.max(extent);
+    let lens = if dice.chance(0.5) { 0.0 } else { extent * dice.decades(-4.0, -1.0) };
+    // Nothing of what is in the box lies before this.
+    let before = (distance - 4.0 * extent).max(0.0);
+    let start = before + if dice.chance(0.5) { 0.0 } else { extent * dice.between(0.0, 3.0) };
+    let end = if dice.chance(0.5) { f64::INFINITY } else { start + extent * dice.between(0.0, 6.0) };
+    let max_events = if dice.chance(0.8) { u8::MAX } else { dice.below(4) as u8 };
+    let from_camera = dice.chance(0.8);
+    let rays = match &world.medium.density {
+        Density::Grid(_) => 1 + dice.below(34),
+        _ => 1 + dice.below(80),
+    };
+    let reaches = (0..rays)
+        .map(|_| {
+            let (p, q) = sampling::disc(dice.0.uniform2());
+            let origin = from + lens * (p * frame.x + q * frame.y);
+            let [x, y] = [0; 2].map(|_| dice.between(-slope, slope));
+            let direction = (from + distance.max(extent) * (frame.z + x * frame.x + y * frame.y) - origin).normalize();
+            let ray = Ray::new(origin, direction);
+            Reach { ray, a: start, b: end, medium: 0, region: 0, max_events, from_camera }
+        })
+        .collect();
+    let fan = (lens == 0.0).then(|| Fan { origin: from, frame, slope, rays: 20 + dice.below(200) });
+    (reaches, fan)
+}
+
+/// What one ray gathers by itself from `a` to `b`, all depths known.
+fn alone(world: &World, map: &PhotonMap, reach: &Reach, (a, b): (f64, f64)) -> [f64; 3] {
+    let (phase, mut table) = (PhaseLanes::new(world.medium.phase.clone()), DepthTable::new());
+    let ray = &reach.ray;
+    let end = map.bounds().clip(ray, a, b).map_or(a, |(_, end)| end);
+    table.tabulate(&world.medium, ray, (a, end));
+    // Depths are counted from where the ray's stretch begins, wherever this one does.
+    let before = world.medium.transmittance(world.medium.density.depth(ray, reach.a.min(a), reach.a.max(a)));
+    let query = BeamQuery {
+        origin: ray.at(a),
+        direction: ray.direction,
+        length: (b - a) as f32,
+        phase: &phase,
+        extinction: world.medium.extinction.as_vec3(),
+        depth: (!matches!(world.medium.density, Density::Uniform)).then_some(&table),
+        max_events: reach.max_events,
+        pruning: None,
+    };
+    let found = Vec3::from(map.gather(&query, &mut GatherStats::default()).total).as_dvec3();
+    (if a < reach.a { found / before } else { found * before }).to_array()
+}
+
+/// Ten thousand views of all sorts of scenes: bundles and streams find what each ray finds by itself, whatever the
+/// extent, the distance, the voxels and how uneven they are; and whatever is found is finite.
+#[test]
+fn rays_together_find_what_each_finds_alone() {
+    let of_world = |number: u64| {
+        let mut dice = Dice(Stream::new(41, Purpose::Test, number, 0));
+        let world = world(&mut dice);
+        let mut queue: Queue<usize> = Queue::default();
+        let mut compared = 0;
+        for turn in 0..VIEWS {
+            let what = format!("world {number}, view {turn}");
+            let (reaches, fan) = view(&mut dice, &world);
+            queue.begin(fan);
+            queue.done.clear();
+            for (index, reach) in reaches.iter().enumerate() {
+                let passed = world.maps.gather(&world.medium, *reach, Some(index), &mut queue);
+                assert!(passed.is_finite() && passed.min_element() >= 0.0, "{what}: transmittance {passed}");
+            }
+            world.maps.gather_bundles(&mut queue);
+            world.maps.gather_streams(&mut queue);
+            let mut found = vec![[0.0; 3]; reaches.len()];
+            for (index, gathered) in &queue.done {
+                found[*index] = gathered.total;
+                let sound = |value: &f32| value.is_finite() && *value >= 0.0;
+                assert!(gathered.total.iter().chain(&gathered.single).all(sound), "{what}: {gathered:?}");
+            }
+            if !world.comparable {
+                continue;
+            }
+            for (reach, found) in reaches.iter().zip(&found).step_by(1 + reaches.len() / 6) {
+                compare(&world, reach, found.map(f64::from), &what);
+                compared += 1;
+            }
+        }
+        compared
+    };
+    let compared: usize = (0..WORLDS).into_par_iter().map(of_world).sum();
+    assert!(compared > 20_000, "{compared}");
+}
+
+/// Whether a ray found what it finds alone, as closely as its way of gathering promises.
+fn compare(world: &World, reach: &Reach, found: [f64; 3], what: &str) {
+    let Reach { a, b, .. } = *reach;
+    let alone = |map: &PhotonMap, range: (f64, f64)| alone(world, map, reach, range);
+    let expected = alone(&world.map, (a, b));
+    let uniform = matches!(world.medium.density, Density::Uniform);
+    let share = match uniform {
+        // Streams differ by the order of their sums.
+        true if !reach.from_camera => 3e-5,
+        // Phase function and transmittance by a series.
+        true => 4e-3,
+        // Depths between the rays of a lattice, and transmittance between samples.
+        false => 0.01 + 0.003 + 4e-3,
+    };
+    // Coordinates are rounded: in units of the smallest disc, and of the mean free path.
+    let extent = world.center.abs().max_element() + 2.0 * world.half.length();
+    let span = f64::min(b, a + 8.0 * world.half.length());
+    let rounding = 4.0 * f64::from(f32::EPSILON) * (extent + world.map.bounds().diagonal() + span - a);
+    let across = rounding / f64::from(world.map.radii().min);
+    let along = rounding * world.medium.extinction.max_element();
+    let near = |found: f64, low: f64, high: f64, fuller: f64| {
+        let off = (share + along) * high + (if reach.from_camera { 1e-3 } else { 1e-5 } + across) * fuller;
+        (low - off..=high + off).contains(&found)
+    };
+    if (0..3).all(|c| near(found[c], expected[c], expected[c], 0.0)) {
+        return;
+    }
+    // Near its rim a disc hardly counts: how much is off is a share of what it would count if it fell off less. And
+    // a photon may be on either side of an end.
+    let ends = 4.0 * rounding;
+    let low = alone(&world.map, (a + ends, (b - ends).max(a + ends)));
+    let high = alone(&world.map, (a - ends, b + ends));
+    let fuller = alone(&world.fuller, (a - ends, b + ends));
+    assert!(
+        (0..3).all(|c| near(found[c], low[c], high[c], fuller[c])),
+        "{what}: {found:?} instead of {expected:?}, at least {low:?}, at most {high:?}, rims {fuller:?}, {reach:?}"
+    );
+}
