@@ -26,6 +26,8 @@
 //! - `report`, with the feature of that name, shows what a comparison found.
 //! - [`image`] reads and writes pictures and says how far one is from another; [`math`] lies beneath.
 //!
+//! What each estimator computes, with its equations and their sources, is on a page of its own: [`estimators`].
+//!
 //! # Units and conventions
 //!
 //! Radiometric: power in W, intensity in W/sr, radiance in W/(sr · unit²), each for three channels of linear
@@ -53,6 +55,8 @@
 pub mod cli;
 pub mod compare;
 pub mod error;
+#[doc = include_str!("estimators.md")]
+pub mod estimators {}
 pub mod gather;
 pub mod geometry;
 pub mod image;

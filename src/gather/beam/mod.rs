@@ -301,8 +301,8 @@ impl<L: Lanes> Found<L> {
 /// with the photon's distance ρ from the ray, its direction d and flux Φ, and the transmittance T to its foot point at t.
 /// The kernel is K₂(ρ) = K₂(0)/r² · (c₀ + c₁q + c₂q²) with q = 1 − ρ²/r², and the block's power is K₂(0) Φ/r² already; of
 /// the phase function p, [`Evaluate::constant`] is left out. Beside walls the kernel is divided by the share of it that
-/// they leave, and where light follows the density, it counts as many times as the density on the ray is that of the disc's
-/// mean. To `single` go the photons without events.
+/// they leave, and where light follows the density, what a photon counts is multiplied by the density on
+/// the ray over its mean across the disc. To `single` go the photons without events.
 #[inline(always)]
 pub(super) fn add_block<L: Lanes>(
     map: &PhotonMap,
