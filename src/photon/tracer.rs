@@ -1,13 +1,11 @@
-//! The photon pass: photons leave the lights, travel, and are deposited where they collide with a medium that scatters.
+//! Photons on their way: they leave the lights, travel, and are deposited where they collide with a medium that scatters.
 
 use std::ops::{ControlFlow, Range};
 
 use rayon::prelude::*;
 
-use super::Photon;
 use super::emission::{Sources, Start};
 use super::history::History;
-use super::pilot;
 use super::sinks::{VolumeQuota, VolumeSink};
 use crate::math::random::Purpose;
 use crate::math::{Rgb, Stream};
@@ -36,94 +34,14 @@ pub struct Pass {
     pub single_scattering: SingleScattering,
 }
 
-/// What a photon pass found.
-#[derive(Debug, Default)]
-pub struct Traced {
-    /// The photons by region, powers divided by the number of emitted photons, times the albedo.
-    pub regions: Vec<Vec<Photon>>,
-    /// Photons emitted.
-    pub emitted: u64,
-    /// Whether first collisions were forced.
-    pub forced: bool,
-    /// Counts of mishaps.
-    pub tally: Tally,
-}
-
-impl Traced {
-    /// Photons stored.
-    pub fn stored(&self) -> u64 {
-        self.regions.iter().map(|photons| photons.len() as u64).sum()
-    }
-}
-
-/// Never fewer photons than this are emitted.
-const FEWEST: u64 = 10_000;
 /// Emissions that one task traces.
-const CHUNK: u64 = 1024;
-/// Emissions are traced in so many parts at most,
-const PARTS: u64 = 16;
-/// and parts of no fewer, so that threads seldom wait for one another.
-const LEAST_PART: u64 = 128 * CHUNK;
-/// A map expected to hold more than this many times its target thins itself.
-const CROWDED: f64 = 1.5;
+pub(super) const CHUNK: u64 = 1024;
 /// Power that enters deep media goes in portions: no more than this many times the usual,
 const HEAVY: f64 = 2.0;
 /// and hardly less than this many times it;
 const LIGHT: f64 = 0.25;
 /// but one photon becomes so many at most.
 const MOST_SPLIT: f64 = 256.0;
-
-/// Traces photons. `progress` is told as emissions are done, of [`Pass`]'s number once it is known; `stop` ends
-/// the pass early: what it traced until then stands for all the light, except that it may have traced nothing.
-pub fn trace(
-    scene: &Scene,
-    pass: &Pass,
-    progress: &(impl Fn(u64, u64) + Sync),
-    stop: &(impl Fn() -> bool + Sync),
-) -> Traced {
-    let mut tracer = Tracer::new(scene, pass);
-    let empty = || Traced { regions: vec![Vec::new(); scene.regions as usize], ..Traced::default() };
-    if tracer.sources.is_empty() || !scene.media.iter().any(|medium| medium.scatters()) {
-        return empty();
-    }
-
-    // How many to emit, so that the map holds what it should.
-    let found = pilot::prepare(&mut tracer, stop);
-    let asked = pass.single_scattering.asks_lights();
-    if found.collided == 0.0 || (found.stored == 0 && !asked) || stop() {
-        return Traced { emitted: found.emitted, forced: tracer.forced, ..empty() };
-    }
-    let share = found.stored as f64 / found.emitted as f64;
-    let crowded = if found.surplus > 1.0 { 1.0 } else { CROWDED };
-    let wanted = (pass.target as f64 / share * found.surplus).ceil().max(1.0) as u64;
-    let emitted = wanted.max(FEWEST).min(pass.max_emitted);
-    let expected = emitted as f64 * share;
-    if expected > crowded * pass.target as f64 {
-        tracer.quota.keep = pass.target as f64 / expected;
-    }
-
-    // A part at a time: photons need not be held twice.
-    let mut traced = Traced { forced: tracer.forced, ..empty() };
-    let part = emitted.div_ceil(PARTS).next_multiple_of(CHUNK).max(LEAST_PART);
-    for first in (0..emitted).step_by(part as usize) {
-        let range = first..(first + part).min(emitted);
-        for chunk in tracer.run(Purpose::Photon, (range, emitted), progress, stop) {
-            traced.emitted += chunk.emitted;
-            traced.tally = traced.tally.merge(chunk.tally);
-            for (region, photon) in chunk.volume.photons {
-                traced.regions[region as usize].push(photon);
-            }
-        }
-    }
-
-    // Each photon stands for its part of the light.
-    let scale = (1.0 / traced.emitted.max(1) as f64) as f32;
-    for photons in &mut traced.regions {
-        photons.par_iter_mut().for_each(|photon| photon.power *= scale);
-        photons.shrink_to_fit();
-    }
-    traced
-}
 
 /// How photons set out into deep media.
 #[derive(Clone, Copy, Debug)]
@@ -176,7 +94,7 @@ pub(super) struct Chunk {
 
 impl<'s> Tracer<'s> {
     /// Before any pilot.
-    fn new(scene: &'s Scene, pass: &'s Pass) -> Self {
+    pub fn new(scene: &'s Scene, pass: &'s Pass) -> Self {
         Tracer {
             scene,
             pass,
@@ -451,71 +369,5 @@ impl<'s> Flying<'_, 's> {
         let onward = Vertex::Medium(at).onward(Side::Light, None, &mut luggage.weight, self.stream, survive)?;
         luggage.own.history = luggage.own.history.after(false);
         Some(Heading { direction: onward.direction, clearance })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::scene;
-    use std::f64::consts::PI;
-
-    fn stored(text: &str, single_scattering: SingleScattering) -> (Traced, f64) {
-        let (scene, _) = scene::from_text(text);
-        let pass = Pass {
-            seed: 3,
-            index: 0,
-            target: 100_000,
-            max_emitted: 400_000,
-            max_events: Events::unlimited(),
-            single_scattering,
-        };
-        let traced = trace(&scene, &pass, &|_, _| {}, &|| false);
-        let first = traced.regions.iter().flatten().filter(|photon| photon.events == 0);
-        let power = first.map(|photon| f64::from(photon.power.x)).sum();
-        (traced, power)
-    }
-
-    /// The power that photons leave at their first collisions is what a ball of fog scatters of a lamp's light, however they are
-    /// emitted: bare, from the lamp within it, thin, so that collisions are forced, and far, so that they are aimed.
-    #[test]
-    fn first_collisions_carry_the_light_that_is_scattered() {
-        let fog = |sigma: f64, lamp: f64| {
-            format!(
-                "[camera]\nposition = [0, 0, 9]\ntarget = [0, 0, 0]\n[media.fog]\nsigma_t = {sigma}\nalbedo = 0.8\n\
-                 [[shapes]]\ntype = \"sphere\"\ncenter = [0, 0, 0]\nradius = 1.5\ninterior = \"fog\"\n\
-                 [[lights]]\ntype = \"point\"\nposition = [{lamp}, 0, 0]\nintensity = 2\n"
-            )
-        };
-        let power = 4.0 * PI * 2.0;
-        // ∫ dV/r² over a ball seen from outside.
-        let outside = |d: f64, r: f64| PI * (2.0 * r - (d * d - r * r) / d * ((d + r) / (d - r)).ln());
-        let seen = 2.0 * 0.8 * 1e-3 * outside(40.0, 1.5);
-        for (what, sigma, lamp, forced, expected) in [
-            ("bare", 1.0, 0.0, false, power * 0.8 * (1.0 - (-1.5f64).exp())),
-            ("forced", 1e-4, 0.0, true, power * 0.8 * 1.5e-4),
-            ("aimed and forced", 1e-3, 40.0, true, seen),
-        ] {
-            let (traced, found) = stored(&fog(sigma, lamp), SingleScattering::Photons);
-            assert_eq!(traced.forced, forced, "{what}");
-            assert!((found / expected - 1.0).abs() < 0.01, "{what}: {found}, not {expected}");
-        }
-    }
-
-    /// What lights are asked for is not stored: no photon comes straight from its lamp.
-    #[test]
-    fn light_that_is_asked_for_is_not_stored() {
-        let text = "[camera]\nposition = [0, 0, 9]\ntarget = [0, 0, 0]\n[media.fog]\nsigma_s = 2\n\
-                    [[shapes]]\ntype = \"sphere\"\ncenter = [0, 0, 0]\nradius = 1\ninterior = \"fog\"\n\
-                    [[lights]]\ntype = \"point\"\nposition = [0, 2, 0]\nintensity = 2\n";
-        let (all, first) = stored(text, SingleScattering::Photons);
-        let (rest, none) = stored(text, SingleScattering::Traced);
-        assert!(first > 0.0 && none == 0.0, "{first} {none}");
-        let later = |traced: &Traced| -> f64 {
-            let photons = traced.regions.iter().flatten().filter(|photon| photon.events > 0);
-            photons.map(|photon| f64::from(photon.power.x)).sum()
-        };
-        let (a, b) = (later(&all), later(&rest));
-        assert!((a / b - 1.0).abs() < 0.02, "{a} {b}");
     }
 }

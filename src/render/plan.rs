@@ -86,7 +86,7 @@ impl Plan {
     /// Decides.
     ///
     /// # Errors
-    /// [`Error::Scene`] for a scene in which no walk can end; [`Error::Limit`] where memory is too short.
+    /// [`Error::Scene`](crate::Error::Scene) for a scene in which no walk can end; [`Error::Limit`](crate::Error::Limit) where memory is too short.
     pub fn new(scene: &Scene, settings: &Settings, camera: &Camera, limits: &Limits) -> Result<Plan> {
         let Settings { film, render, volume, .. } = settings;
         let max_events = Events::of_max_depth(render.max_depth);

@@ -1,6 +1,6 @@
 //! Light asked of glowing media.
 
-use super::ask::balance;
+use super::balance::balance;
 use crate::math::{DVec3, Rgb, Stream};
 use crate::scene::{Glow, Scene};
 

@@ -2,6 +2,7 @@
 //! to the next, free flights and transmittance, and light asked for and met.
 
 mod ask;
+mod balance;
 pub mod equiangular;
 mod events;
 mod flight;
@@ -16,7 +17,8 @@ mod tests;
 mod vertex;
 mod walk;
 
-pub use ask::{Asked, Turn, balance};
+pub use ask::{Asked, Turn};
+pub use balance::balance;
 pub use equiangular::{Flight, Landing};
 pub use events::Events;
 pub use flight::{Forced, Tally, draw, end, flight_density, fly, force, pass};

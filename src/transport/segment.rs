@@ -12,7 +12,7 @@ pub struct Segment<'a> {
     pub a: f64,
     /// The parameter where it ends; perhaps infinite.
     pub b: f64,
-    /// The medium: an index into [`Scene::media`].
+    /// The medium: an index into [`Scene::media`](crate::scene::Scene::media).
     pub medium: u32,
     /// The solids around it.
     pub inside: &'a Inside,
@@ -24,6 +24,6 @@ pub struct Crossing<'a> {
     pub ray: &'a Ray,
     /// The intersection.
     pub hit: &'a Hit,
-    /// The light: an index into [`Scene::lights`].
+    /// The light: an index into [`Scene::lights`](crate::scene::Scene::lights).
     pub light: u32,
 }

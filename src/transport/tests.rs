@@ -44,7 +44,7 @@ impl Case {
     }
 }
 
-pub(super) fn interaction(bsdf: Bsdf, incidence: Incidence) -> Interaction {
+fn interaction(bsdf: Bsdf, incidence: Incidence) -> Interaction {
     let (before, after) = (Inside::default(), Inside::default());
     Interaction { point: DVec3::ZERO, incidence, t: 1.0, shape: 0, bsdf, offset: 1e-9, before, after }
 }
@@ -125,7 +125,7 @@ fn cases(lean: f64) -> Vec<Case> {
     all
 }
 
-pub(super) fn random(index: usize) -> Stream {
+fn random(index: usize) -> Stream {
     Stream::new(77, Purpose::Test, index as u64, 0)
 }
 
@@ -279,7 +279,8 @@ fn draws_follow(case: &Case, index: usize, side: Side, failed: &mut Vec<String>)
                 failed.push(format!("{}: {sum} is drawn aside, not {integral}", case.name));
             }
         }
-        let limit = degrees + 5.0 * (2.0 * degrees).sqrt();
+        // Errors of estimates are themselves known from a few values, some of them rare and large.
+        let limit = degrees + if case.exact { 5.0 } else { 10.0 } * (2.0 * degrees).sqrt();
         if degrees < 20.0 || chi2 > limit {
             failed.push(format!("{}: χ² {chi2:.0} over {degrees} cells", case.name));
         }
