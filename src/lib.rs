@@ -19,8 +19,8 @@
 //!   their radii and builds the hierarchy over their discs.
 //! - [`gather`] answers beam queries: what a stretch of a ray receives from the discs it crosses; and point queries,
 //!   for which it marches along rays.
-//! - [`transport`] is the walk that photons and eye paths share: from one surface to the next through media and
-//!   boundaries, free flights, transmittance, and Russian roulette that keeps the sum of a weight.
+//! - [`transport`] is the journey that photons and eye paths share: from vertex to vertex, through media and boundaries;
+//!   light asked for and met, free flights, transmittance, and Russian roulette that keeps the sum of a weight.
 //! - [`light`], [`surface`], [`medium`] and [`geometry`] hold the kinds a scene can be made of, one file each.
 //! - [`compare`] renders several estimates of a scene and measures their errors against run time.
 //! - `report`, with the feature of that name, shows what a comparison found.

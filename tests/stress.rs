@@ -79,6 +79,15 @@ fn every_stress_scene_is_finite_or_refused() {
     }
 }
 
+/// From afar, a grid is many thousand steps away: samples along rays count them all, and tables of them end where they should.
+#[test]
+fn smoke_is_seen_from_afar() {
+    let small = ["film.width=160", "film.height=120", "render.samples=1", "photons.volume=20000"];
+    let near = outcome("../smoke", &[&small[..], &["camera.position=[1.2,1.75,6]"]].concat());
+    let far = outcome("../smoke", &[&small[..], &["camera.position=[1.2,1.75,25]"]].concat());
+    assert!(far.mean[0] > 0.0 && far.mean[0] < near.mean[0], "{:?} {:?}", far.mean, near.mean);
+}
+
 #[test]
 fn light_grows_with_a_small_optical_depth() {
     for method in [PATH, PHOTON] {
