@@ -470,6 +470,7 @@ fn photons_in_a_dense_solid_are_nearly_independent() {
     let (stored, power) = (mean(&|side| side.0), mean(&|side| side.1));
     let variance = mean(&|side| (side.1 - power).powi(2)) * n / (n - 1.0);
     let independent = power * power / variance;
-    // The variance is known to a fifth.
-    assert!(independent > 0.25 * stored, "{stored:.0} photons vary as {independent:.0} independent ones");
+    // About a quarter of those stored, and a hundredth where photons enter with whatever power they have. The variance is
+    // known to a fifth.
+    assert!(independent > 0.12 * stored, "{stored:.0} photons vary as {independent:.0} independent ones");
 }
