@@ -1,5 +1,5 @@
 use super::ellipsoid::bounds_about;
-use crate::math::{Bounds, DAffine3, DVec3, Frame, Ray, sampling};
+use crate::math::{Bounds, DAffine3, DVec3, Frame, Ray, choose, sampling};
 use crate::{Error, Result};
 use std::f64::consts::{FRAC_1_PI, PI, TAU};
 
@@ -143,15 +143,17 @@ impl Cylinder {
 
     pub(super) fn sample(&self, [u, v]: [f64; 2]) -> (DVec3, u32) {
         let (side, cap) = self.areas();
-        let x = u * self.area();
-        if x < side || cap == 0.0 {
-            let (s, c) = (TAU * v).sin_cos();
-            let q = DVec3::new(self.radius * c, self.radius * s, self.height * (x / side).min(1.0));
-            return (self.base + self.frame.to_world(q), SIDE);
-        }
-        let share = ((x - side) / cap).min(2.0);
-        let (share, face, z) = if share < 1.0 { (share, BASE, 0.0) } else { (share - 1.0, TOP, self.height) };
-        let (x, y) = sampling::disc([share.min(1.0), v]);
+        let (part, u) = choose([side, cap, cap], self.area(), u).map_or((0, u), |choice| (choice.index, choice.rest));
+        let (face, z) = match part {
+            0 => {
+                let (s, c) = (TAU * v).sin_cos();
+                let q = DVec3::new(self.radius * c, self.radius * s, self.height * u);
+                return (self.base + self.frame.to_world(q), SIDE);
+            }
+            1 => (BASE, 0.0),
+            _ => (TOP, self.height),
+        };
+        let (x, y) = sampling::disc([u, v]);
         (self.base + self.frame.to_world(DVec3::new(self.radius * x, self.radius * y, z)), face)
     }
 }

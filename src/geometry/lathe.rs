@@ -1,6 +1,6 @@
 use super::mesh::Parts;
 use super::{Mesh, ellipsoid};
-use crate::math::{Bounds, DAffine3, DMat3, DVec2, DVec3, Ray};
+use crate::math::{Bounds, DAffine3, DMat3, DVec2, DVec3, Distribution, Ray};
 use crate::{Error, Result};
 use std::f64::consts::{FRAC_1_PI, PI, TAU};
 
@@ -15,8 +15,8 @@ pub struct Lathe {
     /// last row are the pieces; empty ones fill it up.
     rings: Vec<Ring>,
     closed: bool,
-    /// Sums of areas up to and with each piece.
-    areas: Vec<f64>,
+    /// The pieces' areas.
+    areas: Distribution,
 }
 
 /// More points are refused: whether a line crosses itself takes quadratic time to find out.
@@ -111,12 +111,8 @@ impl Lathe {
             let (a, b) = (rings[2 * i], rings[2 * i + 1]);
             rings[i] = Ring { min: a.min.min(b.min), max: a.max.max(b.max) };
         }
-        let mut sum = 0.0;
-        let areas = pieces.iter().map(|piece| {
-            sum += piece.area();
-            sum
-        });
-        Ok(Lathe { areas: areas.collect(), pieces, rings, closed })
+        let areas = Distribution::new(pieces.iter().map(Piece::area));
+        Ok(Lathe { areas, pieces, rings, closed })
     }
 
     /// A mesh in the place of a lathe of this profile, with `segments` flat facets around the axis. Kinks between facets that turn by less
@@ -236,7 +232,7 @@ impl Lathe {
     }
 
     pub(super) fn area(&self) -> f64 {
-        self.areas.last().copied().unwrap_or(0.0)
+        self.areas.total()
     }
 
     /// The area after `m`, which stretches space unequally. The mean of each piece's area over the turn
@@ -253,16 +249,12 @@ impl Lathe {
 
     /// A piece by area, and a point on it.
     pub(super) fn sample(&self, [u, v]: [f64; 2]) -> (DVec3, u32) {
-        let x = u * self.area();
-        let i = self.areas.partition_point(|&sum| sum <= x).min(self.areas.len() - 1);
-        let below = if i == 0 { 0.0 } else { self.areas[i - 1] };
-        // The place within the piece's share is uniform again.
-        let u = ((x - below) / (self.areas[i] - below)).clamp(0.0, 1.0);
-        let [a, b] = self.pieces[i].ends;
+        let (index, u) = self.areas.choose(u).map_or((0, u), |choice| (choice.index, choice.rest));
+        let [a, b] = self.pieces[index].ends;
         // Density in proportion to the radius: r² is uniform between a² and b².
         let share = u * (a.x + b.x) / (a.x + (a.x * a.x + u * (b.x * b.x - a.x * a.x)).sqrt());
         let end = a.lerp(b, if share.is_finite() { share.min(1.0) } else { 0.0 });
-        (around(end, (TAU * v).sin_cos()), i as u32)
+        (around(end, (TAU * v).sin_cos()), index as u32)
     }
 
     /// Calls `visit` with each piece and its point closest to `p` after `m`, which stretches all

@@ -1,7 +1,7 @@
 use super::facing::Facing;
 use super::placed::Face;
 use super::tree::{Children, Search, Tree};
-use crate::math::{Bounds, DVec3, Ray, Vec3};
+use crate::math::{Bounds, DVec3, Distribution, Ray, Vec3};
 use crate::{Error, Result};
 use glam::Vec2;
 use smallvec::SmallVec;
@@ -20,8 +20,8 @@ pub struct Mesh {
     uvs: Option<Vec<Vec2>>,
     /// In the order of the tree's leaves, counter-clockwise seen from outside.
     triangles: Vec<[u32; 3]>,
-    /// Sums of areas up to and with each triangle.
-    areas: Vec<f64>,
+    /// The triangles' areas.
+    areas: Distribution,
     tree: Tree,
     /// Made when walls are first looked for.
     facing: OnceLock<Vec<Facing>>,
@@ -190,15 +190,8 @@ impl Mesh {
             let [a, b, c] = t.map(|i| positions[i as usize].as_dvec3());
             (b - a).cross(c - a)
         };
-        let mut sum = 0.0;
-        let areas: Vec<f64> = triangles
-            .iter()
-            .map(|t| {
-                sum += 0.5 * cross(t).length();
-                sum
-            })
-            .collect();
-        if sum <= 0.0 || !sum.is_finite() {
+        let areas = Distribution::new(triangles.iter().map(|t| 0.5 * cross(t).length()));
+        if areas.is_empty() {
             return Err(Error::Scene("a mesh without any triangle that has an area".into()));
         }
         let normals = smooth.then(|| {
@@ -254,7 +247,7 @@ impl Mesh {
 
     /// The sum of the triangles' areas, in object space.
     pub fn area(&self) -> f64 {
-        self.areas.last().copied().unwrap_or(0.0)
+        self.areas.total()
     }
 
     /// The enclosed volume in object space; `None` if open.
@@ -374,14 +367,10 @@ impl Mesh {
 
     /// A triangle by area, a point in it, and the weights of its second and third corner.
     pub(super) fn sample(&self, [u, v]: [f64; 2]) -> (DVec3, u32) {
-        let x = u * self.area();
-        let i = self.areas.partition_point(|&sum| sum <= x).min(self.areas.len() - 1);
-        let below = if i == 0 { 0.0 } else { self.areas[i - 1] };
-        // The place within the triangle's share is uniform again.
-        let u = ((x - below) / (self.areas[i] - below)).clamp(0.0, 1.0);
-        let [a, b, c] = self.corners(i as u32);
+        let (index, u) = self.areas.choose(u).map_or((0, u), |choice| (choice.index as u32, choice.rest));
+        let [a, b, c] = self.corners(index);
         let r = u.sqrt();
-        (a + r * (1.0 - v) * (b - a) + r * v * (c - a), i as u32)
+        (a + r * (1.0 - v) * (b - a) + r * v * (c - a), index)
     }
 
     /// Distance, triangle and place of the point closest to `p`, if it is nearer than `limit`.

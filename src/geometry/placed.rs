@@ -1,5 +1,5 @@
 use super::{Cuboid, Cylinder, Disk, Lathe, Mesh, Quad, Sphere, cylinder, ellipsoid};
-use crate::math::{Bounds, DAffine3, DMat3, DVec3, Ray};
+use crate::math::{Bounds, DAffine3, DMat3, DVec3, Ray, choose};
 use crate::{Error, Result};
 use std::sync::Arc;
 
@@ -310,16 +310,10 @@ impl Placed {
     }
 
     fn sample_box(&self, c: &Cuboid, [u, v]: [f64; 2]) -> (DVec3, u32) {
-        let mut x = u * self.area;
-        let mut face = 0;
-        let mut area = self.box_face_area(c, face);
-        while x >= area && face < 5 {
-            x -= area;
-            face += 1;
-            area = self.box_face_area(c, face);
-        }
+        let areas = (0..6).map(|face| self.box_face_area(c, face));
+        let (face, u) = choose(areas, self.area, u).map_or((0, u), |choice| (choice.index as u32, choice.rest));
         let [origin, edge_u, edge_v] = c.face(face);
-        (origin + (x / area).min(1.0) * edge_u + v * edge_v, face)
+        (origin + u * edge_u + v * edge_v, face)
     }
 
     /// Calls `visit` with primitive, closest point, and outward unit normal of every face within

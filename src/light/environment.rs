@@ -1,6 +1,6 @@
 use super::{Arrival, Departure, DrawnFrom, Surroundings};
 use crate::image::Image;
-use crate::math::{DMat3, DVec3, Frame, Ray, Rgb, Stream, sampling};
+use crate::math::{DMat3, DVec3, Distribution, Frame, Ray, Rgb, Stream, sampling};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
@@ -25,8 +25,8 @@ struct Map {
     mean: Rgb,
     /// The cosines of the angle from +y at which rows begin and, last, the lowest one ends.
     rows: Vec<f64>,
-    /// Running sums of the weights of the texels, row by row, ending in 1.
-    cumulative: Vec<f64>,
+    /// The texels by their weights, row by row.
+    texels: Distribution,
 }
 
 impl Environment {
@@ -38,28 +38,19 @@ impl Environment {
     /// From an image, turned about +y by `turn` radians, counter-clockwise from above; `None` if the image is black.
     pub fn image(image: Image, scale: Rgb, turn: f64) -> Option<Self> {
         let (width, height) = (image.width, image.height);
-        let mut cumulative = Vec::with_capacity(width * height);
         let rows: Vec<f64> = (0..=height).map(|y| (PI * y as f64 / height as f64).cos()).collect();
-        let mut sum = 0.0;
-        for y in 0..height {
-            let share = rows[y] - rows[y + 1];
-            for x in 0..width {
-                // Bilinear look-ups reach half a texel into the neighbours.
-                let mut weight = 0.0;
-                for dy in -1..=1 {
-                    for dx in -1..=1 {
-                        weight += sum_of(texel(&image, x as isize + dx, y as isize + dy));
-                    }
-                }
-                sum += weight / 9.0 * share;
-                cumulative.push(sum);
-            }
-        }
-        (sum > 0.0 && sum.is_finite()).then(|| {
-            cumulative.iter_mut().for_each(|c| *c /= sum);
+        // Bilinear look-ups reach half a texel into the neighbours.
+        let around = |x: usize, y: usize| -> f64 {
+            let near = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy)));
+            near.map(|(dx, dy)| sum_of(texel(&image, x as isize + dx, y as isize + dy))).sum()
+        };
+        let weight = |x, y| around(x, y) / 9.0 * (rows[y] - rows[y + 1]);
+        let texels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+        let texels = Distribution::new(texels.map(|(x, y)| weight(x, y)));
+        (!texels.is_empty()).then(|| {
             let mean = mean(&image, &rows);
             let (to_scene, to_image) = (DMat3::from_rotation_y(turn), DMat3::from_rotation_y(-turn));
-            Environment { scale, map: Some(Arc::new(Map { image, to_scene, to_image, mean, rows, cumulative })) }
+            Environment { scale, map: Some(Arc::new(Map { image, to_scene, to_image, mean, rows, texels })) }
         })
     }
 
@@ -170,17 +161,13 @@ impl Map {
         row(j).lerp(row(j + 1), fy)
     }
 
-    fn texel_share(&self, index: usize) -> f64 {
-        self.cumulative[index] - if index == 0 { 0.0 } else { self.cumulative[index - 1] }
-    }
-
     fn texel_solid_angle(&self, y: usize) -> f64 {
         TAU / self.image.width as f64 * (self.rows[y] - self.rows[y + 1])
     }
 
     fn sample(&self, stream: &mut Stream) -> (DVec3, f64) {
-        let u = stream.uniform();
-        let index = self.cumulative.partition_point(|&c| c <= u).min(self.cumulative.len() - 1);
+        let texel = self.texels.choose(stream.uniform());
+        let (index, share) = texel.map_or((0, 0.0), |choice| (choice.index, choice.probability));
         let (x, y) = (index % self.image.width, index / self.image.width);
         let [a, b] = stream.uniform2();
         let (top, bottom) = (self.rows[y], self.rows[y + 1]);
@@ -189,14 +176,14 @@ impl Map {
         // u = ½ + atan2(d_x, −d_z)/2π.
         let phi = TAU * ((x as f64 + a) / self.image.width as f64 - 0.5);
         let direction = DVec3::new(sin * phi.sin(), cos, -sin * phi.cos()).normalize();
-        (direction, self.texel_share(index) / self.texel_solid_angle(y))
+        (direction, share / self.texel_solid_angle(y))
     }
 
     fn density(&self, direction: DVec3) -> f64 {
         let (u, v) = coordinates(direction);
         let x = ((u * self.image.width as f64) as usize).min(self.image.width - 1);
         let y = ((v * self.image.height as f64) as usize).min(self.image.height - 1);
-        self.texel_share(y * self.image.width + x) / self.texel_solid_angle(y)
+        self.texels.probability(y * self.image.width + x) / self.texel_solid_angle(y)
     }
 }
 

@@ -5,11 +5,13 @@
 //! events. Photons and pictures are stored in `f32`.
 
 mod bounds;
+mod choice;
 mod frame;
 pub mod random;
 pub mod sampling;
 
 pub use bounds::Bounds;
+pub use choice::{Choice, Distribution, choose};
 pub use frame::Frame;
 pub use random::Stream;
 

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use crate::light::{Departure, DrawnFrom, Light};
-use crate::math::{Bounds, DVec3, Frame, Ray, Rgb, Stream, sampling};
+use crate::math::{Bounds, DVec3, Distribution, Frame, Ray, Rgb, Stream, choose, sampling};
 use crate::scene::{Glow, Inside, Scene, Solid};
 
 /// All sources of photons of a scene.
@@ -11,8 +11,8 @@ use crate::scene::{Glow, Inside, Scene, Solid};
 pub struct Sources<'s> {
     scene: &'s Scene,
     sources: Vec<Source<'s>>,
-    /// Running sums of the sources' shares of the photons, which are those of the power unless evened out, ending in 1.
-    cumulative: Vec<f64>,
+    /// The sources' shares of the photons, which are those of the power unless evened out.
+    shares: Distribution,
     /// Where photons are aimed at: the spheres around solids, then wider ones; empty while they are not.
     targets: Vec<Target>,
     /// How many of them are the smallest around a solid.
@@ -83,17 +83,9 @@ impl<'s> Sources<'s> {
             powers.push(glow.power());
             sources.push(Source::Glow(glow));
         }
-        let total: f64 = powers.iter().sum();
-        let mut sum = 0.0;
-        let cumulative = powers
-            .iter()
-            .map(|power| {
-                sum += power / total;
-                sum
-            })
-            .collect();
-        let sources = if total > 0.0 { sources } else { Vec::new() };
-        Sources { scene, sources, cumulative, targets: Vec::new(), closest: 0, unaimed: 1.0 }
+        let shares = Distribution::new(powers);
+        let sources = if shares.is_empty() { Vec::new() } else { sources };
+        Sources { scene, sources, shares, targets: Vec::new(), closest: 0, unaimed: 1.0 }
     }
 
     /// Aims most photons at the solids whose medium scatters, as those that miss are seldom stored; the light is the
@@ -147,11 +139,8 @@ impl<'s> Sources<'s> {
         if self.targets.is_empty() || spread == DrawnFrom::Other {
             return Some(departure);
         }
-        let mut left = stream.uniform();
-        let target = self.targets.iter().find(|target| {
-            left -= target.share;
-            left < 0.0
-        });
+        let shares = self.targets.iter().map(|target| target.share).chain([self.unaimed]);
+        let target = choose(shares, 1.0, stream.uniform()).and_then(|choice| self.targets.get(choice.index));
         if spread == DrawnFrom::Disc {
             let whole = self.scene.surroundings;
             let frame = Frame::around(ray.direction);
@@ -198,23 +187,15 @@ impl<'s> Sources<'s> {
             *count += 1.0;
             *sum += power;
         }
-        let shares: Vec<f64> = (0..self.sources.len()).map(|index| self.share(index)).collect();
+        let shares: Vec<f64> = (0..self.sources.len()).map(|index| self.shares.probability(index)).collect();
         let mean = |(count, sum): (f64, f64)| if count > 0.0 { sum / count } else { 0.0 };
         let wanted: Vec<f64> = shares.iter().zip(&found).map(|(share, &found)| share * mean(found)).collect();
         let total: f64 = wanted.iter().sum();
         if !total.is_normal() {
             return;
         }
-        let mut sum = 0.0;
-        for (cumulative, (share, wanted)) in self.cumulative.iter_mut().zip(shares.iter().zip(wanted)) {
-            sum += BY_POWER * share + (1.0 - BY_POWER) * wanted / total;
-            *cumulative = sum;
-        }
-    }
-
-    /// The share of photons that start at a source.
-    fn share(&self, index: usize) -> f64 {
-        self.cumulative[index] - if index == 0 { 0.0 } else { self.cumulative[index - 1] }
+        let mixed = |(share, wanted): (&f64, f64)| BY_POWER * share + (1.0 - BY_POWER) * wanted / total;
+        self.shares = Distribution::new(shares.iter().zip(wanted).map(mixed));
     }
 
     /// Whether nothing shines.
@@ -224,15 +205,13 @@ impl<'s> Sources<'s> {
 
     /// Draws a photon.
     pub fn start(&self, stream: &mut Stream) -> Option<Start> {
-        let u = stream.uniform();
-        let index = self.cumulative.partition_point(|&sum| sum <= u).min(self.sources.len().checked_sub(1)?);
-        let share = self.share(index);
-        let mut start = match &self.sources[index] {
+        let choice = self.shares.choose(stream.uniform())?;
+        let mut start = match &self.sources[choice.index] {
             Source::Light(light, inside) => self.start_at_light(*light, inside.as_ref(), stream)?,
             Source::Glow(glow) => self.start_in(glow, stream)?,
         };
-        start.power /= share;
-        start.source = index as u32;
+        start.power /= choice.probability;
+        start.source = choice.index as u32;
         (start.power.max_element() > 0.0).then_some(start)
     }
 

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::{Inside, Scene};
 use crate::math::random::Purpose;
-use crate::math::{Bounds, DVec3, Ray, Rgb, Stream, sampling};
+use crate::math::{Bounds, DVec3, Distribution, Ray, Rgb, Stream, sampling};
 
 /// A glowing medium that has an end, in a box: points are drawn from cells in proportion to what was found there, for
 /// photons to what it sends out, for those who ask for light to what of that leaves the box besides.
@@ -15,15 +15,13 @@ pub struct Glow {
     bounds: Bounds,
     /// Cells along each edge of the box.
     cells: usize,
-    sent: Cells,
-    leaving: Cells,
+    /// By cell, x fastest.
+    sent: Distribution,
+    /// By cell, x fastest.
+    leaving: Distribution,
     /// An estimate of its power.
     power: f64,
 }
-
-/// Running sums of the cells' shares, x fastest, ending in 1.
-#[derive(Debug)]
-struct Cells(Vec<f64>);
 
 /// Cells along each edge of the box of voxels, whose flames may be thin.
 const CELLS_OF_VOXELS: usize = 64;
@@ -35,32 +33,6 @@ const TRIES: usize = 8;
 const EVEN: f64 = 0.1;
 /// Of the points for those who ask, the share drawn from what leaves the box.
 const LEAVING: f64 = 0.6;
-
-impl Cells {
-    /// By weights that are not all 0.
-    fn new(weights: impl Iterator<Item = f64>) -> Self {
-        let mut sum = 0.0;
-        let mut cumulative: Vec<f64> = weights
-            .map(|weight| {
-                sum += weight;
-                sum
-            })
-            .collect();
-        let cells = cumulative.len() as f64;
-        for (cell, share) in cumulative.iter_mut().enumerate() {
-            *share = (1.0 - EVEN) * *share / sum + EVEN * (cell + 1) as f64 / cells;
-        }
-        Cells(cumulative)
-    }
-
-    fn draw(&self, u: f64) -> usize {
-        self.0.partition_point(|&sum| sum <= u).min(self.0.len() - 1)
-    }
-
-    fn share(&self, cell: usize) -> f64 {
-        self.0[cell] - if cell == 0 { 0.0 } else { self.0[cell - 1] }
-    }
-}
 
 impl Glow {
     /// All of a scene.
@@ -83,8 +55,8 @@ impl Glow {
             return None;
         }
         let cells = if scene.media[medium as usize].density.voxels().is_some() { CELLS_OF_VOXELS } else { CELLS };
-        let none = || Cells(Vec::new());
-        let mut glow = Glow { medium, bounds, cells, sent: none(), leaving: none(), power: 0.0 };
+        let (sent, leaving) = Default::default();
+        let mut glow = Glow { medium, bounds, cells, sent, leaving, power: 0.0 };
         // What each cell sends out, and what of it leaves the box in a direction drawn at random.
         let look = |cell: usize| {
             let mut stream = Stream::new(0, Purpose::Map, medium as u64, cell as u64);
@@ -107,9 +79,11 @@ impl Glow {
         if sent <= 0.0 {
             return None;
         }
-        glow.sent = Cells::new(found.iter().map(|f| f.0));
-        let scale = if leaving > 0.0 { LEAVING / (1.0 - LEAVING) * sent / leaving } else { 0.0 };
-        glow.leaving = Cells::new(found.iter().map(|f| f.0 + scale * f.1));
+        let even = |share: f64| (1.0 - EVEN) * share + EVEN / found.len() as f64;
+        glow.sent = Distribution::new(found.iter().map(|f| even(f.0 / sent)));
+        let leaves = |f: &(f64, f64)| if leaving > 0.0 { f.1 / leaving } else { f.0 / sent };
+        let mixed = |f: &(f64, f64)| (1.0 - LEAVING) * f.0 / sent + LEAVING * leaves(f);
+        glow.leaving = Distribution::new(found.iter().map(|f| even(mixed(f))));
         glow.power = 4.0 * std::f64::consts::PI * sent / TRIES as f64 * glow.cell_volume();
         Some(glow)
     }
@@ -158,10 +132,10 @@ impl Glow {
         self.draw_from(&self.sent, stream)
     }
 
-    fn draw_from(&self, cells: &Cells, stream: &mut Stream) -> (DVec3, f64) {
-        let cell = cells.draw(stream.uniform());
+    fn draw_from(&self, cells: &Distribution, stream: &mut Stream) -> (DVec3, f64) {
+        let cell = cells.choose(stream.uniform()).map_or(0, |choice| choice.index);
         let point = self.point_in(cell, std::array::from_fn(|_| stream.uniform()));
-        (point, cells.share(cell) / self.cell_volume())
+        (point, cells.probability(cell) / self.cell_volume())
     }
 
     /// The density per volume with which [`Glow::draw_leaving`] draws `p`.
@@ -169,7 +143,7 @@ impl Glow {
         let n = self.cells;
         let place = (p - self.bounds.min) / self.bounds.size() * n as f64;
         let [x, y, z] = place.to_array().map(|x| (x.max(0.0) as usize).min(n - 1));
-        self.leaving.share((z * n + y) * n + x) / self.cell_volume()
+        self.leaving.probability((z * n + y) * n + x) / self.cell_volume()
     }
 
     /// The longest edge of its box.

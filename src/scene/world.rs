@@ -6,7 +6,7 @@ use super::Glow;
 use super::description::Camera;
 use crate::geometry::{Cluster, Geometry};
 use crate::light::{Light, Surroundings};
-use crate::math::{Bounds, DVec3, Rgb, Stream};
+use crate::math::{Bounds, DVec3, Rgb, Stream, choose};
 use crate::medium::Medium;
 use crate::surface::Material;
 
@@ -185,19 +185,8 @@ impl Scene {
         if total.is_nan() || total <= 0.0 {
             return None;
         }
-        let mut left = stream.uniform() * total;
-        let mut last = None;
-        for (i, light) in self.lights.iter().enumerate() {
-            let importance = light.importance(p);
-            if importance > 0.0 {
-                last = Some((i as u32, importance / total));
-                if left < importance {
-                    break;
-                }
-            }
-            left -= importance;
-        }
-        last
+        let importances = self.lights.iter().map(|light| light.importance(p));
+        choose(importances, total, stream.uniform()).map(|choice| (choice.index as u32, choice.probability))
     }
 
     /// The probability with which [`Scene::choose_light`] draws light `index` for `p`.

@@ -6,7 +6,7 @@ use std::f64::consts::FRAC_PI_2;
 use super::flight;
 use super::segment::{Crossing, Segment};
 use crate::light::{Arrival, Directivity, Light};
-use crate::math::{DVec3, Ray, Rgb, Stream, shares};
+use crate::math::{DVec3, Ray, Rgb, Stream, choose, shares};
 use crate::medium::Medium;
 use crate::scene::Scene;
 
@@ -124,32 +124,20 @@ impl Flight {
     }
 }
 
-/// The light at `left` of the way through the lights' importances, and the probability of drawing it.
-fn choose<'s>(scene: &'s Scene, flight: &Flight, mut left: f64, total: f64) -> Option<(usize, &'s Light, f64)> {
-    let mut chosen = None;
-    for (index, light) in scene.lights.iter().enumerate() {
-        let importance = flight.importance(light);
-        if importance > 0.0 {
-            chosen = Some((index, light, importance / total));
-            if left < importance {
-                break;
-            }
-        }
-        left -= importance;
-    }
-    chosen
-}
-
 /// Draws a light, a point on it, and a distance on the segment for them.
 pub fn draw(scene: &Scene, flight: &Flight, stream: &mut Stream) -> Option<Draw> {
     let total = flight.total_importance(scene);
     if total.is_nan() || total <= 0.0 {
         return None;
     }
-    let (index, light, choice) = match &scene.lights[..] {
-        [light] => (0, light, 1.0),
-        _ => choose(scene, flight, stream.uniform() * total, total)?,
+    let (index, choice) = if scene.lights.len() == 1 {
+        (0, 1.0)
+    } else {
+        let importances = scene.lights.iter().map(|light| flight.importance(light));
+        let choice = choose(importances, total, stream.uniform())?;
+        (choice.index, choice.probability)
     };
+    let light = &scene.lights[index];
     match light {
         Light::Area(area) => {
             let sample = scene.geometry.sample_area(area.shape, stream.uniform2());

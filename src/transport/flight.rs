@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use crate::math::{Ray, Rgb, Stream, shares};
+use crate::math::{Ray, Rgb, Stream, choose, shares};
 use crate::medium::Medium;
 
 /// What is counted on the way and reported in the end.
@@ -36,15 +36,7 @@ pub fn draw(medium: &Medium, weight: Rgb, stream: &mut Stream) -> f64 {
     let channel = if sigma == Rgb::splat(sigma.x) {
         sigma.x
     } else {
-        let w = shares(weight);
-        let u = stream.uniform();
-        if u < w.x {
-            sigma.x
-        } else if u < w.x + w.y {
-            sigma.y
-        } else {
-            sigma.z
-        }
+        choose(shares(weight).to_array(), 1.0, stream.uniform()).map_or(0.0, |choice| sigma[choice.index])
     };
     // A channel without extinction never collides.
     if channel > 0.0 { length / channel } else { f64::INFINITY }
@@ -240,14 +232,7 @@ pub fn force(medium: &Medium, ray: &Ray, (a, b): (f64, f64), weight: Rgb, stream
         return nothing;
     }
     let [v, u] = stream.uniform2();
-    let u = u * chance;
-    let channel = if u < part.x {
-        0
-    } else if u < part.x + part.y {
-        1
-    } else {
-        2
-    };
+    let Some(channel) = choose(part.to_array(), chance, u).map(|choice| choice.index) else { return nothing };
     // The inverse of (1 − e^{−σD})/(1 − e^{−σD_b}).
     let target = -(-v * absorbed[channel]).ln_1p() / sigma[channel];
     let Some(t) = medium.density.advance(ray, a, b, target.min(depth)) else { return nothing };

@@ -1,7 +1,7 @@
 //! Light asked of glowing media.
 
 use super::balance::balance;
-use crate::math::{DVec3, Rgb, Stream};
+use crate::math::{DVec3, Rgb, Stream, choose};
 use crate::scene::{Glow, Scene};
 
 /// All glowing media of a scene that have an end, to ask for light.
@@ -64,13 +64,11 @@ impl<'s> Glows<'s> {
 
     /// Draws a point whose light may reach `from`.
     pub fn draw(&self, from: DVec3, stream: &mut Stream) -> Option<Ember> {
-        let last = self.scene.glows.last()?;
-        let mut left = stream.uniform() * self.power;
-        let glow = self.scene.glows.iter().find(|glow| {
-            left -= glow.power();
-            left < 0.0
-        });
-        let glow = glow.unwrap_or(last);
+        if self.scene.glows.is_empty() {
+            return None;
+        }
+        let choice = choose(self.scene.glows.iter().map(Glow::power), self.power, stream.uniform())?;
+        let glow = &self.scene.glows[choice.index];
         let (point, density) = glow.draw_leaving(stream);
         let (radiance, _) = glow.radiated(self.scene, point)?;
         let distance = from.distance(point);
@@ -78,7 +76,7 @@ impl<'s> Glows<'s> {
         if radiance.max_element() <= 0.0 || !direction.is_finite() {
             return None;
         }
-        let density = glow.power() / self.power * density * distance * distance;
+        let density = choice.probability * density * distance * distance;
         Some(Ember { direction, distance, radiance, density, by_length: 1.0 / glow.extent() })
     }
 
