@@ -7,8 +7,9 @@ use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use volpm::image::{Image, Layer};
+use volpm::photon::narrowing;
 use volpm::render::checkpoint::{self, Subject};
-use volpm::render::{Checkpoint, End, Film, Limits, Rendering, Silent, Stats, narrowing, refine};
+use volpm::render::{Checkpoint, End, Film, Limits, Rendering, Silent, Stats, refine};
 use volpm::scene::{self, Description, Scene, Settings};
 use xxhash_rust::xxh3::xxh3_128;
 

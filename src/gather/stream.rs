@@ -6,7 +6,7 @@ use super::bundle::Bundle;
 use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, Sum};
 use super::{GatherStats, Gathered};
 use crate::math::DVec3;
-use crate::photon::map::PhotonMap;
+use crate::photon::discs::PhotonMap;
 use crate::photon::simd::{LANES, Lanes, Task, prefetch};
 use crate::photon::store::LEAF;
 

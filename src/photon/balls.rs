@@ -8,10 +8,11 @@
 //! another are close to one another, so the last radius is a bound that seldom fails.
 
 use super::kernel::Profile;
-use super::map::{Radii, radius_limits, summary};
-use super::radii::{KEPT, List};
+use super::radius::{InMedium, Radii, radius_limits};
 use super::simd::{Isa, LANES, Lanes, Row, Task};
-use super::store::{LEAF, Photon, STACK, children, events_of, node_count, ordered, photons_in, pieces, storable};
+use super::store::{
+    KEPT, LEAF, List, Photon, STACK, children, events_of, node_count, ordered, photons_in, pieces, storable,
+};
 use crate::math::{Bounds, Vec3};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -135,6 +136,9 @@ impl PointMemory {
 }
 
 impl PointMap {
+    /// A photon is spread over a ball.
+    pub const DIMENSION: u32 = 3;
+
     /// Orders `photons` and builds the tree; in parallel, on the current thread pool, with the same result
     /// for any number of threads.
     ///
@@ -234,7 +238,7 @@ impl PointMap {
             self.look_up(x, &mut PointMemory::default()).sqrt()
         };
         let step = self.photons.div_ceil(SOME).max(1);
-        summary(&(0..self.photons).into_par_iter().step_by(step).map(of).collect::<Vec<_>>())
+        Radii::of(&(0..self.photons).into_par_iter().step_by(step).map(of).collect::<Vec<_>>())
     }
 
     /// A box around all balls that hold a photon: look-ups outside find nothing. Empty for an empty map.
@@ -325,8 +329,7 @@ impl PointMap {
             if bound >= cap {
                 break cap;
             }
-            // In an even density the number grows with the radius to the third power.
-            let growth = (n as f32 / list.len().max(1) as f32).cbrt();
+            let growth = InMedium::growth(n as f64 / list.len().max(1) as f64) as f32;
             let radius = bound.sqrt() * ((1.0 + MARGIN) * growth).min(MOST_GROWTH);
             bound = radius * radius;
         };
@@ -338,7 +341,7 @@ impl PointMap {
     fn even_radius(&self, n: usize) -> f32 {
         let size = self.bounds.size().as_vec3();
         let volume = size.max(Vec3::splat(0.01 * size.max_element())).element_product();
-        (volume * n as f32 / self.photons as f32 / 4.19).cbrt().max(f32::MIN_POSITIVE)
+        (InMedium::radius_of(f64::from(volume) * n as f64 / self.photons as f64) as f32).max(f32::MIN_POSITIVE)
     }
 
     /// Squared distances of a block's photons from `x`.
@@ -374,7 +377,7 @@ impl PointMap {
             let radius = match self.ball {
                 Ball::Fixed(_) => self.reach(),
                 Ball::Nearest { neighbours, .. } => {
-                    (1.5 * half * (neighbours as f32 / LANES as f32).cbrt()).min(self.reach())
+                    (1.5 * half * InMedium::growth(f64::from(neighbours) / LANES as f64) as f32).min(self.reach())
                 }
             };
             let limit = 2.0 * radius + half;

@@ -1,29 +1,12 @@
 //! The volume photon map: photons in blocks of sixteen, in the order of a median split.
 
 use super::kernel::Profile;
-use super::radii;
+use super::radius::{InMedium, MAX_RADIUS, MIN_RADIUS, Radii, Radius, radius_limits};
 use super::simd::{Isa, LANES, Row};
 use super::store::{self, Blocks, Node, Photon, Widths, ordered, photons_in, storable};
 use crate::math::{Bounds, Vec3};
 use rayon::prelude::*;
 use smallvec::SmallVec;
-
-/// How wide photons are spread.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Radius {
-    /// The same for all, above 0.
-    Fixed(f32),
-    /// r = D (n/m)^{1/3} with the distance D to the m-th nearest *other* photon (Jarosz et al. 2008,
-    /// §4): the disc of a photon reaches as far as its n-th neighbour would in an even density.
-    Variable {
-        /// n, the photons that a disc's sphere should hold.
-        neighbours: u32,
-        /// m, the neighbour that is looked for, at least 1.
-        pilot: u32,
-        /// No radius exceeds this. If it is not finite, the diagonal of the box around the photons.
-        max_radius: f32,
-    },
-}
 
 /// What a map stores.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,17 +50,6 @@ pub struct Plane {
     pub leans: bool,
 }
 
-/// Radii of a map's discs, all 0 if it is empty.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Radii {
-    /// The smallest.
-    pub min: f32,
-    /// The mean.
-    pub mean: f32,
-    /// The largest.
-    pub max: f32,
-}
-
 /// At most one wall for each photon of a block; lanes without one have `distance` ∞.
 #[derive(Clone, Debug, PartialEq)]
 #[repr(C, align(64))]
@@ -93,16 +65,6 @@ impl WallLayer {
 
 /// Walls that a photon may be near: a corner has three.
 const WALLS: usize = 3;
-
-/// Radii of this many roundings of the largest coordinate, at least: below, the distance between a
-/// photon and a ray is mostly rounding.
-const MIN_RADIUS_ROUNDINGS: f32 = 4.0;
-
-/// The smallest radius as a share of `max_radius`.
-const MIN_RADIUS_SHARE: f32 = 1e-6;
-
-/// The smallest radius whose inverse square, and a power divided by it, stay finite in `f32`.
-const MIN_RADIUS: f32 = 1e-12;
 
 /// Blocks that one task handles.
 const CHUNK: usize = 256;
@@ -146,6 +108,9 @@ pub struct PhotonMap {
 }
 
 impl PhotonMap {
+    /// A photon is spread over a disc.
+    pub const DIMENSION: u32 = 2;
+
     /// Orders `photons`, finds their radii, and builds the hierarchy; in parallel, on the current
     /// thread pool, with the same result for any number of threads.
     ///
@@ -172,7 +137,7 @@ impl PhotonMap {
         let own;
         let (blocks, events, radii) = match settings.radius {
             Radius::Fixed(radius) => {
-                let r = (radius * settings.scale).max(MIN_RADIUS);
+                let r = (radius * settings.scale).clamp(MIN_RADIUS, MAX_RADIUS);
                 let square = 1.0 / (r * r);
                 let (blocks, events) = Blocks::new(photons, Some(square), peak * square, settings.tagged);
                 (blocks, events, Widths::Same(r))
@@ -188,7 +153,7 @@ impl PhotonMap {
         let summary = match radii {
             Widths::Same(r) if count > 0 => Radii { min: r, mean: r, max: r },
             Widths::Same(_) => Radii::default(),
-            Widths::Own(radii) => summary(&radii[..count]),
+            Widths::Own(radii) => Radii::of(&radii[..count]),
         };
         let (wall_starts, walls, leaning) = if settings.boundaries {
             walls_of(&blocks, count, radii, &|position, radius, found: &mut _| {
@@ -284,20 +249,6 @@ impl PhotonMap {
     }
 }
 
-/// The least and the largest of adaptive radii, for photons in a box.
-pub(super) fn radius_limits(max_radius: f32, scale: f32, min: Vec3, max: Vec3) -> (f32, f32) {
-    let diagonal = max.distance(min);
-    let largest_coordinate = max.abs().max(min.abs()).max_element();
-    let cap = match (max_radius.is_finite(), diagonal > 0.0) {
-        (true, _) => max_radius * scale,
-        (false, true) => diagonal * scale,
-        (false, false) => scale,
-    }
-    .max(MIN_RADIUS);
-    let least = MIN_RADIUS_ROUNDINGS * f32::EPSILON * largest_coordinate;
-    (least.max(MIN_RADIUS_SHARE * cap).clamp(MIN_RADIUS, cap), cap)
-}
-
 /// The radius of every disc, sixteen a block.
 fn radii_of(
     isa: Isa,
@@ -312,30 +263,10 @@ fn radii_of(
         return vec![cap; blocks.len() * LANES];
     }
     let m = (pilot.max(1) as usize).min(photons - 1);
-    let growth = scale * (f64::from(neighbours.max(1)) / m as f64).cbrt() as f32;
-    let mut radii = radii::nearest(isa, blocks, photons, &nodes, m);
+    let growth = scale * InMedium::growth(f64::from(neighbours.max(1)) / m as f64) as f32;
+    let mut radii = store::nearest(isa, blocks, photons, &nodes, m);
     radii.par_iter_mut().for_each(|r| *r = (growth * r.sqrt()).clamp(least, cap));
     radii
-}
-
-/// Extremes and mean, summed in a fixed order.
-pub(super) fn summary(radii: &[f32]) -> Radii {
-    if radii.is_empty() {
-        return Radii::default();
-    }
-    let parts: Vec<(f32, f64, f32)> = radii
-        .par_chunks(CHUNK * LANES)
-        .map(|part| {
-            part.iter()
-                .fold((f32::INFINITY, 0.0, 0.0f32), |(min, sum, max), &r| (min.min(r), sum + f64::from(r), max.max(r)))
-        })
-        .collect();
-    let sum: f64 = parts.iter().map(|part| part.1).sum();
-    Radii {
-        min: parts.iter().fold(f32::INFINITY, |min, part| min.min(part.0)),
-        mean: (sum / radii.len() as f64) as f32,
-        max: parts.iter().fold(0.0, |max, part| max.max(part.2)),
-    }
 }
 
 /// Where each block's layers of walls start, the layers, and which photons lean on the first; nothing if there are no
@@ -442,7 +373,7 @@ mod tests {
             let at = |i: usize| blocks.get(i / LANES).position.each_ref().map(|row| f64::from(row.0[i % LANES]));
             let all: Vec<[f64; 3]> = (0..count).map(at).collect();
             for isa in Isa::available() {
-                let squared = radii::nearest(isa, &blocks, count, &nodes, m);
+                let squared = store::nearest(isa, &blocks, count, &nodes, m);
                 for i in (0..count).step_by(1 + count / 300) {
                     let to = |x: &[f64; 3]| (0..3).map(|k| (x[k] - all[i][k]).powi(2)).sum::<f64>();
                     let mut distances: Vec<f64> = all.iter().map(to).collect();

@@ -12,8 +12,8 @@ use std::f32::consts::PI;
 
 use rayon::prelude::*;
 
+use super::discs::{PhotonMap, WallLayer};
 use super::kernel::Profile;
-use super::map::{PhotonMap, WallLayer};
 use super::store::photons_in;
 use crate::math::{DVec3, Vec3};
 

@@ -29,7 +29,7 @@ use super::done::Done;
 use super::exact::{self, ExactSums};
 use super::eye::Component;
 use super::film::{Film, Finished, Layers, Surfaces};
-use super::pass::Stats;
+use super::stats::Stats;
 use crate::image::write_aside;
 use crate::scene::description::{Method, ToneMap};
 use crate::scene::{Description, is_plain};

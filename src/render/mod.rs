@@ -2,16 +2,21 @@
 
 mod camera;
 pub mod checkpoint;
+mod clock;
 mod done;
 mod exact;
 mod eye;
 mod film;
 mod limits;
+mod maps;
 mod pass;
 mod pilot;
 mod plan;
+mod progress;
 mod shared;
+mod stats;
 mod tile;
+mod warnings;
 
 pub use camera::Camera;
 pub use checkpoint::Checkpoint;
@@ -19,6 +24,8 @@ pub use done::Done;
 pub use eye::{Claim, Component, Context, Eye, EyeSettings, Mode, Path, Sample};
 pub use film::{Film, Layers, Sums};
 pub use limits::Limits;
-pub use pass::{End, Progress, Rendering, Silent, Stats, narrowing, refine, render};
+pub use pass::{End, Rendering, refine, render};
 pub use plan::{Plan, volume_photons};
+pub use progress::{Progress, Silent};
 pub use shared::{SharedMap, SharedPhotons, refine_shared};
+pub use stats::Stats;

@@ -4,7 +4,7 @@ use crate::Result;
 use crate::gather::march::{Marcher, Stepping};
 use crate::medium::Medium;
 use crate::photon::kernel::Profile;
-use crate::photon::{Ball, PointSettings, Radius};
+use crate::photon::{Ball, InMedium, PointSettings, Radius};
 use crate::scene::description::{self, Estimate, Kernel, March, Method, SingleScattering, Step, Volume};
 use crate::scene::{Inside, Scene, Settings};
 use crate::transport::Events;
@@ -43,8 +43,6 @@ pub struct Plan {
     /// Parts that each pass is split into: independent, with their share of photons and samples, and all of one
     /// width.
     pub parts: u32,
-    /// The dimension that passes narrow the spread of photons in: 2 for discs, 3 for spheres.
-    pub dimension: u32,
     /// Camera samples per pixel and part.
     pub samples: u32,
     /// The solids around the camera, where they are the same for all of its lens.
@@ -103,7 +101,8 @@ impl Plan {
         let radius = match volume.kernel {
             Kernel::Fixed => {
                 // As wide as would hold n photons if they filled the extent evenly.
-                let chosen = extent * (default_neighbours as f64 / photons.max(1) as f64).cbrt() * 0.5;
+                let share = default_neighbours as f64 / photons.max(1) as f64;
+                let chosen = 0.5 * extent * InMedium::growth(share);
                 Radius::Fixed(volume.radius.unwrap_or(chosen) as f32)
             }
             Kernel::Variable => {
@@ -137,7 +136,6 @@ impl Plan {
             split: false,
             parts,
             profile: profile(volume.profile, Profile::Biweight),
-            dimension: if volume.estimate == Estimate::Point { 3 } else { 2 },
             samples: render.samples.div_ceil(parts),
             inside,
         };

@@ -6,8 +6,11 @@ use std::time::Instant;
 use super::camera::Camera;
 use super::film::Film;
 use super::limits::Limits;
-use super::pass::{self, Maps, Progress, Rendering, Stats, mean_extinctions, order};
+use super::maps::{Maps, VolumeMap, mean_extinctions};
+use super::pass::{self, Rendering, order};
 use super::plan::Plan;
+use super::progress::Progress;
+use super::stats::Stats;
 use crate::photon::{self, Photon};
 use crate::scene::{Scene, Settings};
 use crate::transport::Tally;
@@ -81,7 +84,7 @@ impl SharedMap {
         let regions = photons.regions.clone();
         let start = Instant::now();
         let extinctions = mean_extinctions(scene, &regions);
-        let maps = Maps::build(scene, &plan, 1.0, &extinctions, regions);
+        let maps = Maps::build(scene, &plan, 0, &extinctions, regions);
         let mut stats = Stats {
             emitted: photons.emitted,
             volume: photons.stored(),
@@ -116,7 +119,7 @@ pub fn refine_shared(
 ) -> Result<Rendering> {
     let camera = Camera::new(&scene.camera, &settings.film);
     let plan = Plan::new(scene, settings, &camera, limits)?;
-    if let (Maps::Points(maps), Some(points)) = (&mut map.maps, &plan.points) {
+    if let (Some(VolumeMap::Points(maps)), Some(points)) = (&mut map.maps.volume, &plan.points) {
         maps.march(&points.marchers);
     }
     pass::run(scene, settings, (camera, plan), limits, (before, Some(&map.maps)), progress, stop)

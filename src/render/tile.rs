@@ -5,10 +5,12 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use super::camera::Camera;
+use super::clock::Clock;
 use super::eye::{Claim, Context, Eye, EyeSettings, Mode, Path};
 use super::film::Sums;
-use super::pass::{Clock, Progress, Renderer};
+use super::pass::Renderer;
 use super::plan::Plan;
+use super::progress::Progress;
 use crate::gather::{GatherStats, Queue};
 use crate::math::Stream;
 use crate::scene::Scene;

@@ -11,7 +11,7 @@ use super::rays::Bundle;
 use crate::gather::beam::{Descent, Meets};
 use crate::gather::sampled::VECTORS;
 use crate::math::{DVec3, Frame};
-use crate::photon::map::PhotonMap;
+use crate::photon::discs::PhotonMap;
 use crate::photon::simd::{LANES, Lanes, Task, at_most, dot_plus, load3, splat3};
 use crate::photon::store::Node;
 use smallvec::SmallVec;

@@ -10,7 +10,7 @@ use super::rays::Bundle;
 use crate::gather::beam::{Pruning, exponents};
 use crate::gather::sampled::{GROUP, Sampled, TransmittanceTable, VECTORS};
 use crate::math::DVec3;
-use crate::photon::map::PhotonMap;
+use crate::photon::discs::PhotonMap;
 use crate::photon::simd::{LANES, Lanes, Row, Task};
 
 /// Rays of a group may deviate from its axis by this slope: errors are of the order of its square.

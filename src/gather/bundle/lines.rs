@@ -7,7 +7,7 @@
 
 use crate::gather::sampled::GROUP;
 use crate::math::{DVec3, Frame, Ray};
-use crate::photon::map::PhotonMap;
+use crate::photon::discs::PhotonMap;
 use crate::photon::simd::Lanes;
 use std::ops::Range;
 

@@ -5,7 +5,7 @@ use crate::gather::depth::DepthTable;
 use crate::gather::phase::PhaseLanes;
 use crate::gather::sampled::{SampledDepths, Samples};
 use crate::math::{Ray, Vec3};
-use crate::photon::map::PhotonMap;
+use crate::photon::discs::PhotonMap;
 
 /// Rays that gather together: in one medium, from one map.
 #[derive(Clone, Copy, Debug)]

@@ -4,15 +4,16 @@
 //! to it in median order, one walk through the tree finds the nodes near the block, and each photon
 //! then looks into the blocks that its own bound reaches.
 
-use super::simd::{Isa, LANES, Lanes, Row, Task};
-use super::store::{Block, Blocks, LEAF, Node, STACK, photons_in};
+use super::{Block, Blocks, LEAF, Node, STACK, photons_in};
+use crate::photon::radius::InMedium;
+use crate::photon::simd::{Isa, LANES, Lanes, Row, Task};
 use rayon::prelude::*;
 
 /// Blocks that one task handles.
 const CHUNK: usize = 64;
 
 /// Squared distances kept before the bound is drawn tighter.
-pub(super) const KEPT: usize = 2048;
+pub(crate) const KEPT: usize = 2048;
 
 /// The squared distance of every photon to its `m`-th nearest other, sixteen a block, coincident
 /// photons counting with distance 0. `nodes` bound the positions. At least `m + 1` photons.
@@ -44,32 +45,32 @@ struct Search<'a> {
 }
 
 /// A growing list of numbers in rows.
-pub(super) struct List<'a> {
+pub(crate) struct List<'a> {
     rows: &'a mut [Row],
     count: usize,
 }
 
 impl<'a> List<'a> {
     /// An empty one, with room for one vector less than there are rows.
-    pub(super) fn new(rows: &'a mut [Row]) -> Self {
+    pub(crate) fn new(rows: &'a mut [Row]) -> Self {
         List { rows, count: 0 }
     }
 
     /// How many numbers it holds.
     #[inline(always)]
-    pub(super) fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.count
     }
 
     /// Forgets them.
     #[inline(always)]
-    pub(super) fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.count = 0;
     }
 
     /// Appends the lanes of `bits`.
     #[inline(always)]
-    pub(super) fn push<L: Lanes>(&mut self, values: L, bits: u16) {
+    pub(crate) fn push<L: Lanes>(&mut self, values: L, bits: u16) {
         let flat = self.rows.as_flattened_mut_f32();
         if let Some(out) = flat[self.count..].first_chunk_mut() {
             values.compress(bits, out);
@@ -80,7 +81,7 @@ impl<'a> List<'a> {
     /// The smallest number that `wanted` of the list's do not exceed. All lie in [0, `most`], and
     /// there are at least `wanted`.
     #[inline(always)]
-    pub(super) fn select<L: Lanes>(&mut self, wanted: usize, most: f32) -> f32 {
+    pub(crate) fn select<L: Lanes>(&mut self, wanted: usize, most: f32) -> f32 {
         let used = self.count.div_ceil(LANES);
         for value in &mut self.rows.as_flattened_mut_f32()[self.count..used * LANES] {
             *value = f32::INFINITY;
@@ -92,8 +93,8 @@ impl<'a> List<'a> {
         // Bisection: by value while that converges, then by bits, which ends after 31 steps
         // however the numbers are spread. Always: fewer than `wanted` up to `low`, enough up to `high`.
         let (mut low, mut high) = (0.0f32, most);
-        // In a ball filled evenly, the squared distance grows with the number to the power 2/3.
-        let mut middle = high * (wanted as f32 / self.count as f32).powf(2.0 / 3.0);
+        // As if the ball were filled evenly.
+        let mut middle = high * InMedium::growth(wanted as f64 / self.count as f64).powi(2) as f32;
         for step in 0.. {
             if middle <= low || middle >= high {
                 middle = f32::from_bits(low.to_bits().midpoint(high.to_bits()));
@@ -117,7 +118,7 @@ impl<'a> List<'a> {
     }
 
     /// Keeps `wanted` numbers, none above `bound`, which is the `wanted`-th smallest.
-    pub(super) fn shrink(&mut self, wanted: usize, bound: f32) {
+    pub(crate) fn shrink(&mut self, wanted: usize, bound: f32) {
         let flat = self.rows.as_flattened_mut_f32();
         let mut kept = 0;
         for i in 0..self.count {

@@ -23,6 +23,10 @@ impl<'s> Looking<'_, '_, 's> {
         match self.eye.settings.mode {
             Mode::Gather(maps) => self.gather(maps, segment, medium, luggage),
             Mode::March(maps) => self.march(maps, segment, medium, luggage),
+            Mode::Pass => {
+                self.light_itself(segment, medium, luggage);
+                luggage.weight *= medium.transmittance(medium.density.depth(segment.ray, segment.a, segment.b));
+            }
             Mode::Track | Mode::Split => return self.fly(segment, medium, luggage, parts),
         }
         ControlFlow::Continue(())

@@ -40,6 +40,8 @@ pub enum Mode<'a> {
     Gather(&'a VolumeMaps),
     /// Light is gathered from photons, by point queries.
     March(&'a PointMaps),
+    /// Photons would be gathered, but there are none: media only absorb, and shine themselves.
+    Pass,
 }
 
 /// What an eye is told beside the scene.
@@ -129,7 +131,7 @@ impl<'s> Eye<'s> {
 
     /// Whether light in media comes from photons.
     fn has_photons(&self) -> bool {
-        matches!(self.settings.mode, Mode::Gather(_) | Mode::March(_))
+        matches!(self.settings.mode, Mode::Gather(_) | Mode::March(_) | Mode::Pass)
     }
 
     /// Whether light to a medium goes straight on through refracting boundaries.

@@ -1,0 +1,137 @@
+//! What photons are stored in for a pass: a map for each thing that is gathered.
+
+use super::plan::{Plan, Points};
+use crate::gather::{PointMaps, VolumeMaps};
+use crate::medium::Medium;
+use crate::medium::density::Density;
+use crate::photon::{MapSettings, Photon, PhotonMap, PointMap, PointSettings, Radii, narrowing, walls};
+use crate::scene::Scene;
+
+/// The maps of a pass: each is there if the scene needs it.
+#[derive(Debug, Default)]
+pub(super) struct Maps {
+    /// Of photons in media.
+    pub volume: Option<VolumeMap>,
+}
+
+/// Photons in media, one map for each region: as discs for rays, or as balls for points on them.
+#[derive(Debug)]
+pub(super) enum VolumeMap {
+    Beams(VolumeMaps),
+    Points(PointMaps),
+}
+
+/// What is reported of a map.
+pub(super) struct Summary {
+    pub photons: usize,
+    pub rejected: usize,
+    pub bytes: usize,
+    pub radii: Radii,
+}
+
+impl Maps {
+    /// From the photons of all regions and the extinction around them, as narrow as after `before` other passes.
+    pub(super) fn build(
+        scene: &Scene,
+        plan: &Plan,
+        before: u32,
+        extinctions: &[f64],
+        regions: Vec<Vec<Photon>>,
+    ) -> Maps {
+        let volume = match &plan.points {
+            None => {
+                let scale = narrowing(before, PhotonMap::DIMENSION) as f32;
+                VolumeMap::Beams(beam_maps(scene, plan, scale, extinctions, regions))
+            }
+            Some(points) => {
+                let scale = narrowing(before, PointMap::DIMENSION) as f32;
+                VolumeMap::Points(point_maps(scene, points, scale, regions))
+            }
+        };
+        Maps { volume: Some(volume) }
+    }
+
+    /// Of each map that holds photons, with its region.
+    pub(super) fn summaries(&self) -> Vec<(u32, Summary)> {
+        let of_beams = |map: &PhotonMap| Summary {
+            photons: map.len(),
+            rejected: map.rejected(),
+            bytes: map.bytes(),
+            radii: map.radii(),
+        };
+        let of_points = |map: &PointMap| Summary {
+            photons: map.len(),
+            rejected: map.rejected(),
+            bytes: map.bytes(),
+            radii: map.radii(),
+        };
+        match &self.volume {
+            None => Vec::new(),
+            Some(VolumeMap::Beams(maps)) => maps.by_region().map(|(region, map)| (region, of_beams(map))).collect(),
+            Some(VolumeMap::Points(maps)) => maps.by_region().map(|(region, map)| (region, of_points(map))).collect(),
+        }
+    }
+}
+
+fn beam_maps(scene: &Scene, plan: &Plan, scale: f32, extinctions: &[f64], regions: Vec<Vec<Photon>>) -> VolumeMaps {
+    let build = |(photons, extinction): (Vec<Photon>, &f64)| {
+        let settings =
+            MapSettings { tagged: plan.tagged, scale, profile: plan.profile, ..MapSettings::new(plan.radius) };
+        let near = |position, radius, mean, planes: &mut _| {
+            walls::of_disc(scene, *extinction as f32, (position, radius, mean), planes);
+        };
+        (!photons.is_empty()).then(|| PhotonMap::build(photons, &settings, &near))
+    };
+    let mut maps: Vec<Option<PhotonMap>> = regions.into_iter().zip(extinctions).map(build).collect();
+    for (region, map) in (0..).zip(&mut maps) {
+        // Maps without leaning discs are for bundles, which spread light evenly.
+        if let (Some(map), Some(density)) = (map, uneven_density(scene, region))
+            && map.leans()
+        {
+            map.follow_density(&|p| density.at(p));
+        }
+    }
+    VolumeMaps::new(maps, &scene.media)
+}
+
+/// The density of a region that is filled with one medium, if it is voxels.
+fn uneven_density(scene: &Scene, region: u32) -> Option<&Density> {
+    let mut media = scene.solids.iter().filter(|solid| solid.region == region).map(|solid| solid.medium);
+    let first = media.next().filter(|_| region != scene.world_region)??;
+    let density = &scene.media[first as usize].density;
+    (density.voxels().is_some() && media.all(|medium| medium == Some(first))).then_some(density)
+}
+
+fn point_maps(scene: &Scene, points: &Points, scale: f32, regions: Vec<Vec<Photon>>) -> PointMaps {
+    let settings = PointSettings { scale, ..points.settings };
+    let clearance = |position, limit| walls::clearance(scene, position, limit);
+    let build = |photons: Vec<Photon>| (!photons.is_empty()).then(|| PointMap::build(photons, &settings, &clearance));
+    PointMaps::new(regions.into_iter().map(build).collect(), &scene.media, points.marchers.clone())
+}
+
+/// The medium of a region.
+pub(super) fn medium_of(scene: &Scene, region: u32) -> Option<&Medium> {
+    let solid = scene.solids.iter().find(|solid| solid.region == region);
+    let medium = solid.map_or(scene.world, |solid| solid.medium)?;
+    Some(&scene.media[medium as usize])
+}
+
+/// Of each region, by [`mean_extinction`].
+pub(super) fn mean_extinctions(scene: &Scene, regions: &[Vec<Photon>]) -> Vec<f64> {
+    (0..).zip(regions).map(|(region, photons)| mean_extinction(scene, region, photons)).collect()
+}
+
+/// The largest channel's extinction where a region's photons are, on average.
+fn mean_extinction(scene: &Scene, region: u32, photons: &[Photon]) -> f64 {
+    let Some(medium) = medium_of(scene, region).filter(|_| !photons.is_empty()) else { return 0.0 };
+    let density: f64 = if medium.density.is_even() {
+        1.0
+    } else {
+        // A few thousand tell enough.
+        let step = photons.len().div_ceil(4096);
+        let some: Vec<f64> =
+            photons.iter().step_by(step).map(|photon| medium.density.at(photon.position.as_dvec3())).collect();
+        some.iter().sum::<f64>() / some.len() as f64
+    };
+    medium.extinction.max_element() * density
+}
