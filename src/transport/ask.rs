@@ -122,3 +122,124 @@ fn density_of_crossing(scene: &Scene, crossing: &Crossing<'_>, from: DVec3) -> f
     let (direction, hit) = (crossing.ray.direction, crossing.hit);
     if choice > 0.0 { choice * area.density(&scene.geometry, from, direction, hit.t, hit.normal) } else { 0.0 }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene;
+    use crate::surface::{Bsdf, Incidence, Lambert, Side};
+    use crate::transport::tests::{interaction, random};
+    use crate::transport::{Interaction, Segment, Stop, Vertex, Visitor, Walk};
+    use std::convert::Infallible;
+    use std::ops::ControlFlow;
+
+    /// A round lamp before an even sky, and a lamp of no size.
+    const LAMPS: &str = r#"
+[camera]
+position = [0, 0, 9]
+target = [0, 0, 0]
+[[shapes]]
+type = "sphere"
+center = [0, 1, 2]
+radius = 0.8
+emission = { radiance = 3 }
+[[lights]]
+type = "environment"
+radiance = 0.25
+[[lights]]
+type = "point"
+position = [-1, 0, 1]
+intensity = 0.7
+"#;
+
+    /// Light met on the way from a place, with its part.
+    struct Meeting<'a> {
+        scene: &'a Scene,
+        turn: Turn,
+        found: f64,
+    }
+
+    impl Visitor for Meeting<'_> {
+        type End = Infallible;
+
+        fn segment(&mut self, _: &Segment<'_>) -> ControlFlow<Infallible> {
+            ControlFlow::Continue(())
+        }
+
+        fn crossing(&mut self, crossing: &Crossing<'_>) {
+            let Light::Area(area) = &self.scene.lights[crossing.light as usize] else { return };
+            let radiance = area.radiance(crossing.hit.normal, -crossing.ray.direction).x;
+            self.found += radiance * self.turn.share_of_crossing(self.scene, crossing);
+        }
+    }
+
+    /// What a white surface reflects: asked for without sharing, and asked for and met with their parts, against its irradiance,
+    /// E = πL (r/d)² cos for a ball above the horizon. However coarsely rays are put off the surface, as far from the camera.
+    #[test]
+    fn what_is_asked_and_what_is_met_make_up_the_light() {
+        const N: usize = 200_000;
+        let (scene, _) = scene::from_text(LAMPS);
+        let point = -scene.center;
+        let white = Bsdf::Lambert(Lambert { reflectance: Rgb::ONE });
+        let at = Interaction { point, ..interaction(white, Incidence::head_on()) };
+        let (center, radius) = (DVec3::new(0.0, 1.0, 2.0), 0.8f64);
+        let seen = (radius / center.length()).powi(2) * center.normalize().z;
+        let lamp = 0.7 / 2.0 * 0.5f64.sqrt() / std::f64::consts::PI;
+        let expected = 3.0 * seen + 0.25 * (1.0 - seen) + lamp;
+
+        let mut failed = Vec::new();
+        for offset in [1e-13, 1e-6] {
+            let at = Interaction { offset, ..at.clone() };
+            let vertex = Vertex::Surface(&at);
+            let mut sums = [[0.0; 2]; 2];
+            for k in 0..N {
+                let mut stream = random(5000 + k);
+                // Asked for, with its part and without.
+                let mut asked = [0.0; 2];
+                if let Some(light) = Asked::draw(&scene, point, &mut stream) {
+                    let mut weights = [Rgb::ZERO; 2];
+                    let towards = light.arrival.direction;
+                    vertex.toward(towards, Side::Eye, false, Rgb::ONE, &mut stream, |weight, sent| {
+                        weights[0] += weight * sent.value * light.over(sent.ahead, 0.0);
+                        weights[1] += weight * sent.value * light.over(Rgb::ZERO, 0.0);
+                    });
+                    asked = weights.map(|mut weight| {
+                        let way = (towards, light.arrival.distance, light.arrival.normal);
+                        vertex.transmit(&scene, way, &mut weight, &mut stream);
+                        weight.x
+                    });
+                }
+                // Met by chance.
+                let mut weight = Rgb::ONE;
+                let onward = vertex.onward(Side::Eye, None, &mut weight, &mut stream, |weight, factor, _| {
+                    *weight *= factor;
+                    true
+                });
+                let onward = onward.expect("white surfaces absorb nothing");
+                let turn = Turn::Surface { point, density: onward.density, glows: false };
+                let (ray, inside) = at.departure(onward.direction);
+                let mut meeting = Meeting { scene: &scene, turn, found: 0.0 };
+                if let Stop::Escaped = Walk::new(&scene, ray, inside).advance(&mut meeting) {
+                    for (index, light) in scene.lights.iter().enumerate() {
+                        let radiance = light.escaping(onward.direction).x;
+                        if radiance > 0.0 {
+                            let share = meeting.turn.share_of_escape(&scene, index as u32, onward.direction);
+                            meeting.found += radiance * share;
+                        }
+                    }
+                }
+                for (sum, x) in sums.iter_mut().zip([asked[0] + weight.x * meeting.found, asked[1]]) {
+                    *sum = [sum[0] + x, sum[1] + x * x];
+                }
+            }
+            for (what, [sum, squares]) in ["both", "asked"].iter().zip(sums) {
+                let mean = sum / N as f64;
+                let error = ((squares / N as f64 - mean * mean) / N as f64).sqrt();
+                let off = (mean - expected).abs();
+                let holds = off < 4.0 * error && error < 0.02 * expected;
+                failed.extend((!holds).then(|| format!("{what}, {offset}: {mean} ± {error}, not {expected}")));
+            }
+        }
+        assert!(failed.is_empty(), "{failed:#?}");
+    }
+}

@@ -26,7 +26,7 @@ pub use glow::{Ember, Glows, Rival};
 pub use journey::{Heading, Luggage, Part, Parts, SAFETY_STOP, Traveller, travel};
 pub use roulette::{endures, survive};
 pub use segment::{Crossing, Segment};
-pub use shadow::{transmit, transmit_straight};
+pub use shadow::{ShadowRay, transmit, transmit_straight};
 pub use surface::Interaction;
 pub use vertex::{Collision, Vertex};
 pub use walk::{Stop, Visitor, Walk};

@@ -9,7 +9,7 @@ use super::events::Events;
 use super::flight::pass;
 use super::segment::Segment;
 use super::walk::{Stop, Visitor, Walk};
-use crate::math::{Ray, Rgb, Stream};
+use crate::math::{DVec3, Ray, Rgb, Stream, error_bound};
 use crate::medium::transmittance;
 use crate::scene::{Inside, Scene};
 
@@ -28,11 +28,48 @@ impl Visitor for Way {
     }
 }
 
-/// Multiplies `weight` by an unbiased estimate of what passes along `ray`, which starts inside these
-/// solids, up to `distance`: through media and index-matched boundaries, nothing through surfaces.
-pub fn transmit(scene: &Scene, ray: Ray, inside: &Inside, distance: f64, weight: &mut Rgb, stream: &mut Stream) {
-    // The light's own surface does not block it.
-    let distance = distance * (1.0 - 1e-9);
+/// A piece of a ray from where light is asked for to just before a light.
+#[derive(Clone, Copy, Debug)]
+pub struct ShadowRay {
+    /// The ray.
+    pub ray: Ray,
+    /// Its length; infinite to lights at infinity.
+    pub length: f64,
+}
+
+impl ShadowRay {
+    /// From `start`, a point or a place just off the surface it lies on, to what arrives at `point` from `distance` away in
+    /// `direction`, from a surface with this normal. It ends just off that surface, on the side of `point`, by what rounding may
+    /// amount to. Both ends are put off along their normals: had the ray kept its direction from another start, it would meet
+    /// the light's surface early, by more than any share of its length if the start is rounded coarsely, as far
+    /// away from the camera, and the light is near.
+    pub fn new(start: DVec3, point: DVec3, direction: DVec3, distance: f64, normal: DVec3) -> Self {
+        if distance.is_infinite() {
+            return ShadowRay { ray: Ray::new(start, direction), length: distance };
+        }
+        let ray = Ray::new(point, direction);
+        let off = error_bound(&ray, distance) * if normal.dot(direction) > 0.0 { -1.0 } else { 1.0 };
+        ShadowRay { ray: Ray::new(start, direction), length: 0.0 }.towards(ray.at(distance) + off * normal)
+    }
+
+    /// From the same start to another end.
+    fn towards(self, end: DVec3) -> Self {
+        let way = end - self.ray.origin;
+        let direction = way.try_normalize().unwrap_or(self.ray.direction);
+        ShadowRay { ray: Ray::new(self.ray.origin, direction), length: way.length() }
+    }
+
+    /// To the same end from another start.
+    fn from(self, start: DVec3) -> Self {
+        let moved = ShadowRay { ray: Ray::new(start, self.ray.direction), ..self };
+        if self.length.is_finite() { moved.towards(self.ray.at(self.length)) } else { moved }
+    }
+}
+
+/// Multiplies `weight` by an unbiased estimate of what passes along a ray that starts inside these solids: through media and
+/// index-matched boundaries, nothing through surfaces.
+pub fn transmit(scene: &Scene, shadow: ShadowRay, inside: &Inside, weight: &mut Rgb, stream: &mut Stream) {
+    let ShadowRay { ray, length: distance } = shadow;
     let mut way = Way::default();
     if scene.solids.is_empty() {
         if scene.geometry.occluded(&ray, 0.0, distance, |id| scene.surfaces[id as usize].material.is_opaque()) {
@@ -62,19 +99,18 @@ pub fn transmit(scene: &Scene, ray: Ray, inside: &Inside, distance: f64, weight:
 /// way through the medium: its length takes the place of the straight one (Eq. 10.31).
 pub fn transmit_straight(
     scene: &Scene,
-    ray: Ray,
+    mut shadow: ShadowRay,
     inside: &Inside,
-    distance: f64,
     most: Events,
     weight: &mut Rgb,
     stream: &mut Stream,
 ) {
-    let mut rest = distance * (1.0 - 1e-9);
-    let (mut ray, mut inside) = (ray, inside.clone());
+    let mut inside = inside.clone();
     let mut left = most;
     loop {
+        let ShadowRay { ray, length } = shadow;
         let mut way = Way::default();
-        let stop = Walk::new(scene, ray, inside).until(rest).advance(&mut way);
+        let stop = Walk::new(scene, ray, inside).until(length).advance(&mut way);
         let at = match stop {
             Stop::Surface(at) => Some(at),
             _ => None,
@@ -101,7 +137,8 @@ pub fn transmit_straight(
             }
         }
         let Some(at) = at else { return };
-        rest -= at.t;
-        (ray, inside) = at.departure(ray.direction);
+        let onward;
+        (onward, inside) = at.departure(ray.direction);
+        shadow = shadow.from(onward.origin);
     }
 }

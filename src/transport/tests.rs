@@ -44,7 +44,7 @@ impl Case {
     }
 }
 
-fn interaction(bsdf: Bsdf, incidence: Incidence) -> Interaction {
+pub(super) fn interaction(bsdf: Bsdf, incidence: Incidence) -> Interaction {
     let (before, after) = (Inside::default(), Inside::default());
     Interaction { point: DVec3::ZERO, incidence, t: 1.0, shape: 0, bsdf, offset: 1e-9, before, after }
 }
@@ -125,7 +125,7 @@ fn cases(lean: f64) -> Vec<Case> {
     all
 }
 
-fn random(index: usize) -> Stream {
+pub(super) fn random(index: usize) -> Stream {
     Stream::new(77, Purpose::Test, index as u64, 0)
 }
 

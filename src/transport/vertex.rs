@@ -1,9 +1,9 @@
 //! A vertex: where a path turns, and what is done with light there.
 
-use super::shadow::transmit;
+use super::shadow::{ShadowRay, transmit};
 use super::surface::Interaction;
 use crate::math::random::Dimension;
-use crate::math::{DVec3, Ray, Rgb, Stream};
+use crate::math::{DVec3, Rgb, Stream};
 use crate::medium::Medium;
 use crate::scene::{Inside, Scene};
 use crate::surface::{Lobe, Nature, Onward, Scattering, Side};
@@ -106,14 +106,25 @@ impl Vertex<'_> {
         }
     }
 
-    /// Multiplies `weight` by an unbiased estimate of what passes from here along `o` up to `distance`: see [`transmit`].
-    pub fn transmit(&self, scene: &Scene, o: DVec3, distance: f64, weight: &mut Rgb, stream: &mut Stream) {
+    /// Multiplies `weight` by an unbiased estimate of what passes to here from the point of a surface with this normal, or without
+    /// one, that lies `distance` away along `o`: see [`transmit`].
+    pub fn transmit(
+        &self,
+        scene: &Scene,
+        (o, distance, normal): (DVec3, f64, DVec3),
+        weight: &mut Rgb,
+        stream: &mut Stream,
+    ) {
         match self {
             Vertex::Surface(at) => {
                 let (ray, inside) = at.departure(o);
-                transmit(scene, ray, &inside, distance, weight, stream);
+                let shadow = ShadowRay::new(ray.origin, at.point, o, distance, normal);
+                transmit(scene, shadow, &inside, weight, stream);
             }
-            Vertex::Medium(at) => transmit(scene, Ray::new(at.point, o), at.inside, distance, weight, stream),
+            Vertex::Medium(at) => {
+                let shadow = ShadowRay::new(at.point, at.point, o, distance, normal);
+                transmit(scene, shadow, at.inside, weight, stream);
+            }
         }
     }
 }

@@ -4,12 +4,12 @@ use std::ops::ControlFlow;
 
 use super::component::Component;
 use super::{Looking, Path};
-use crate::light::Light;
+use crate::light::{Arrival, Light};
 use crate::math::random::Dimension;
 use crate::math::{DVec3, Ray, Rgb};
 use crate::surface::{Nature, Side};
 use crate::transport::{
-    self, Asked, Collision, Crossing, Flight, Landing, Luggage, Segment, Stop, Turn, Vertex, Visitor, Walk,
+    self, Asked, Collision, Crossing, Flight, Landing, Luggage, Segment, ShadowRay, Stop, Turn, Vertex, Visitor, Walk,
     equiangular, transmit, transmit_straight,
 };
 
@@ -44,7 +44,8 @@ impl Looking<'_, '_, '_> {
             weight += arriving * sent.value * ember.radiance * ember.weight(count, sent.ahead.x);
         });
         if weight.max_element() > 0.0 {
-            at.transmit(self.eye.scene, ember.direction, ember.distance, &mut weight, stream);
+            let way = (ember.direction, ember.distance, -ember.direction);
+            at.transmit(self.eye.scene, way, &mut weight, stream);
             self.sample.radiance[luggage.own.component(luggage.events, false) as usize] += weight;
         }
     }
@@ -70,11 +71,11 @@ impl Looking<'_, '_, '_> {
         // What is in its way.
         match at {
             Vertex::Medium(at) if straight_on => {
-                let towards = Ray::new(at.point, arrival.direction);
+                let shadow = ShadowRay::new(at.point, at.point, arrival.direction, arrival.distance, arrival.normal);
                 let most = self.eye.left_after(luggage.events);
-                transmit_straight(scene, towards, at.inside, arrival.distance, most, &mut weight, stream);
+                transmit_straight(scene, shadow, at.inside, most, &mut weight, stream);
             }
-            _ => at.transmit(scene, arrival.direction, arrival.distance, &mut weight, stream),
+            _ => at.transmit(scene, (arrival.direction, arrival.distance, arrival.normal), &mut weight, stream),
         }
         self.sample.radiance[luggage.own.component(luggage.events, true) as usize] += weight;
     }
@@ -129,12 +130,13 @@ impl Looking<'_, '_, '_> {
             return;
         }
         let events = luggage.events + 1;
-        let (towards, distance) = (Ray::new(point, draw.arrival.direction), draw.arrival.distance);
+        let Arrival { direction, distance, normal, .. } = draw.arrival;
+        let shadow = ShadowRay::new(point, point, direction, distance, normal);
         if self.eye.straight_on() {
             let most = self.eye.left_after(events);
-            transmit_straight(scene, towards, segment.inside, distance, most, &mut weight, stream);
+            transmit_straight(scene, shadow, segment.inside, most, &mut weight, stream);
         } else {
-            transmit(scene, towards, segment.inside, distance, &mut weight, stream);
+            transmit(scene, shadow, segment.inside, &mut weight, stream);
         }
         self.sample.radiance[luggage.own.scattered().component(events, true) as usize] += weight;
     }
