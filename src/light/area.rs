@@ -99,10 +99,10 @@ impl Area {
 
     pub(super) fn importance(&self, p: DVec3) -> f64 {
         let nearest = p.clamp(self.bounds.min, self.bounds.max).distance_squared(p);
-        // Inside its own box a shape is about as far as its size.
-        let distance2 = nearest.max(self.area / (4.0 * PI));
         match self.profile {
-            Directivity::Diffuse(_) => self.power / distance2,
+            // Inside its own box a shape is about as far as its size: the irradiance is then π times the radiance, that of a
+            // sky of the same.
+            Directivity::Diffuse(_) => self.power / (4.0 * PI * nearest).max(self.area),
             Directivity::Spot(_, cone) | Directivity::Beam(_, cone) => {
                 // Dark for certain only where not even the disc's rim reaches.
                 let offset = p - self.bounds.center();
@@ -113,7 +113,10 @@ impl Area {
                     along * self.sine / (1.0 - cone.outer) + self.radius
                 };
                 let aside = (offset - along * cone.axis).length();
-                if along <= 0.0 || aside > reach { 0.0 } else { self.power / distance2.max(self.area) }
+                if along <= 0.0 || aside > reach {
+                    return 0.0;
+                }
+                self.power / (cone.outer_solid_angle() * nearest).max(self.area)
             }
         }
     }
