@@ -290,7 +290,8 @@ impl Mesh {
         };
         let mut t_max = t_max;
         self.tree.along(ray, t_min, t_max, |triangle| {
-            let [a, b, c] = self.triangles[triangle as usize].map(sheared);
+            let [a, b, c] = self.triangles[triangle as usize];
+            let (a, b, c) = (sheared(a), sheared(b), sheared(c));
             let u = c[0] * b[1] - c[1] * b[0];
             let v = a[0] * c[1] - a[1] * c[0];
             let w = b[0] * a[1] - b[1] * a[0];

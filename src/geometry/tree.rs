@@ -81,12 +81,22 @@ impl Few {
             met |= enter.cmple(leave.min(Vec4::splat(t_max))).bitmask() << (4 * i);
             *entries = enter.to_array();
         }
+        // From near to far: what is behind a hit need not be looked into.
         while met != 0 {
-            let i = met.trailing_zeros();
-            met &= met - 1;
-            if entries[i as usize % FEW] <= t_max {
-                t_max = visit(i);
+            let mut nearest = met.trailing_zeros();
+            let mut others = met & (met - 1);
+            while others != 0 {
+                let other = others.trailing_zeros();
+                others &= others - 1;
+                if entries[other as usize % FEW] < entries[nearest as usize % FEW] {
+                    nearest = other;
+                }
             }
+            if entries[nearest as usize % FEW] > t_max {
+                return;
+            }
+            met &= !(1 << nearest);
+            t_max = visit(nearest);
         }
     }
 
