@@ -71,20 +71,20 @@ material = "glossy"
 fn fog_with_a_lamp() {
     let mut checks = Checks::default();
     // Light scattered once, or reflected once: no photon takes part.
-    let path = of(ROOM, 16, 900, &[PATH, "render.max_depth=1"]);
-    let traced = of(ROOM, 16, 400, &[PHOTON, TRACED, "render.max_depth=1"]);
-    checks.agree("one event", &traced, &path, 0.003, 0.0);
+    let path = of(ROOM, 16, 320, &[PATH, "render.max_depth=1"]);
+    let traced = of(ROOM, 16, 140, &[PHOTON, TRACED, "render.max_depth=1"]);
+    checks.agree("one event", &traced, &path, 0.005, 0.0);
     for step in ["uniform", "adaptive", "exponential"] {
         let [step_is, size_is] = march(step, 0.5);
         let set = [PHOTON, TRACED, "render.max_depth=1", &step_is, &size_is];
-        let marched = of(ROOM, 16, 36, &set);
-        checks.agree(&format!("one event, {step} steps"), &marched, &path, 0.003, 0.0);
+        let marched = of(ROOM, 16, 13, &set);
+        checks.agree(&format!("one event, {step} steps"), &marched, &path, 0.005, 0.0);
     }
     let text = format!("{ROOM}{MIRROR}");
     let seen_twice = ["materials.wall.reflectance=0", "render.max_depth=2"];
-    let path = of(&text, 16, 900, &[&seen_twice[..], &[PATH]].concat());
-    let traced = of(&text, 32, 400, &[&seen_twice[..], &[PHOTON, TRACED, "photons.volume=100_000"]].concat());
-    checks.agree("in a mirror", &traced, &path, 0.004, 0.004);
+    let path = of(&text, 16, 400, &[&seen_twice[..], &[PATH]].concat());
+    let traced = of(&text, 32, 160, &[&seen_twice[..], &[PHOTON, TRACED, "photons.volume=100_000"]].concat());
+    checks.agree("in a mirror", &traced, &path, 0.006, 0.004);
     // All light; most of the noise is that of walls. Photons of the second collision on are blurred, but count for less.
     let path = of(ROOM, 16, 400, &[PATH]);
     let photons = "photons.volume=100_000";
@@ -129,18 +129,18 @@ position = [2, 1, 1]
 target = [0, 0, 0]
 intensity = 10
 "#;
-    let path = of(text, 16, 400, &[PATH, "render.max_depth=1"]);
-    let traced = of(text, 16, 400, &[PHOTON, TRACED, "render.max_depth=1"]);
-    checks.agree("one event", &traced, &path, 0.003, 0.0);
+    let path = of(text, 16, 140, &[PATH, "render.max_depth=1"]);
+    let traced = of(text, 16, 140, &[PHOTON, TRACED, "render.max_depth=1"]);
+    checks.agree("one event", &traced, &path, 0.005, 0.0);
     for step in ["uniform", "adaptive", "exponential"] {
         let [step_is, size_is] = march(step, 0.4);
         let set = [PHOTON, TRACED, "render.max_depth=1", &step_is, &size_is];
-        let marched = of(text, 16, 36, &set);
-        checks.agree(&format!("one event, {step} steps"), &marched, &path, 0.003, 0.0);
+        let marched = of(text, 16, 13, &set);
+        checks.agree(&format!("one event, {step} steps"), &marched, &path, 0.005, 0.0);
     }
-    let path = of(text, 16, 400, &[PATH]);
-    let traced = of(text, 16, 36, &[PHOTON, TRACED, "photons.volume=100_000"]);
-    checks.agree("all light", &traced, &path, 0.004, 0.01);
+    let path = of(text, 16, 160, &[PATH]);
+    let traced = of(text, 16, 16, &[PHOTON, TRACED, "photons.volume=100_000"]);
+    checks.agree("all light", &traced, &path, 0.006, 0.01);
     checks.finish();
 }
 

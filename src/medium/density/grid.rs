@@ -121,7 +121,7 @@ impl Grid {
                 // Simpson's rule over the first half, whose middle is a quarter in.
                 let quarter = self.at(ray.at(0.75 * cell.ta + 0.25 * cell.tb));
                 let half = (cell.tb - cell.ta) * (cell.rho_a as f64 + 4.0 * quarter + cell.rho_mid as f64) / 12.0;
-                knot(0.5 * (cell.ta + cell.tb), depth + half.clamp(0.0, inside), cell.rho_mid as f64);
+                knot(0.5 * (cell.ta + cell.tb), depth + half.max(0.0).min(inside), cell.rho_mid as f64);
             }
             depth += inside;
             knot(cell.tb, depth, cell.rho_b as f64);
