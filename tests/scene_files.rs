@@ -7,6 +7,7 @@ use volpm::math::{DVec2, DVec3, Rgb};
 use volpm::medium::density::{Exponential, Noise};
 use volpm::medium::phase::{HenyeyGreenstein, Isotropic, Mixture, Rayleigh, Schlick, mie};
 use volpm::scene::description::*;
+use volpm::surface::{self, Dielectric, Lambert, Mirror};
 use volpm::{Error, scene};
 
 /// Every table, with a value for every key that is supported.
@@ -239,11 +240,11 @@ fn every_key_is_read_as_the_manual_says() {
 
     let kinds: Vec<_> = scene.materials.iter().map(|material| (material.name.as_str(), material.kind)).collect();
     let expected = [
-        ("white", MaterialKind::Lambert { reflectance: Rgb::splat(0.75) }),
-        ("chrome", MaterialKind::Mirror { reflectance: Rgb::new(0.9, 0.8, 0.7) }),
-        ("my glass", MaterialKind::Dielectric { ior: Rgb::new(1.5, 1.504, 1.513), roughness: 0.25 }),
-        ("none", MaterialKind::None),
-        ("black", MaterialKind::Lambert { reflectance: Rgb::ZERO }),
+        ("white", Lambert { reflectance: Rgb::splat(0.75) }.into()),
+        ("chrome", Mirror { reflectance: Rgb::new(0.9, 0.8, 0.7) }.into()),
+        ("my glass", Dielectric { index: Rgb::new(1.5, 1.504, 1.513), roughness: 0.25 }.into()),
+        ("none", surface::Material::None),
+        ("black", Lambert { reflectance: Rgb::ZERO }.into()),
     ];
     assert_eq!(kinds, expected);
 
@@ -685,7 +686,7 @@ fn overrides_reach_every_key() {
     assert!(matches!(scene.shapes[1].kind, ShapeKind::Box { max, .. } if max.y == 7.0));
     assert!(matches!(scene.shapes[2].kind, ShapeKind::Sphere { radius: 9.0, .. }));
     assert!(matches!(scene.lights[0].kind, LightKind::Spot { intensity: Rgb::ZERO, .. }));
-    assert_eq!(scene.materials[2].kind, MaterialKind::Dielectric { ior: Rgb::splat(2.0), roughness: 0.25 });
+    assert_eq!(scene.materials[2].kind, Dielectric { index: Rgb::splat(2.0), roughness: 0.25 }.into());
     let Density::Vdb { file, .. } = &scene.media[0].density else { panic!() };
     assert_eq!(file.value, PathBuf::from("scenes/a = b/smöke.vdb"));
     assert_eq!(scene.media[2].phase, Isotropic.into());

@@ -8,7 +8,7 @@ use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::description::{self as said, Description, Located, MaterialKind, ShapeKind, Strength};
+use super::description::{self as said, Description, Located, ShapeKind, Strength};
 use super::world::{Scene, Solid, Surface};
 use super::{Glow, Settings};
 use crate::geometry::{Cuboid, Cylinder, Disk, Geometry, Lathe, Mesh, Placed, Quad, Shape, Sphere};
@@ -18,7 +18,6 @@ use crate::medium::black_body::BlackBody;
 use crate::medium::density::bricks::{BrickGrid, Interpolation, NegativePolicy};
 use crate::medium::density::{Density, Grid, npy, vdb};
 use crate::medium::{Emission, Medium};
-use crate::surface::{Bsdf, Dielectric, Lambert, Material, Mirror, OrenNayar};
 use crate::{Error, Result};
 
 /// Loads and builds a scene. With it come the settings that its file gives for the picture.
@@ -124,7 +123,7 @@ impl<'d> Builder<'d> {
         for (index, shape, transform, instance) in shapes {
             let said = &description.shapes[index];
             let placed = Placed::new(shape, self.moved() * transform).map_err(|error| said.place.error(error))?;
-            let material = material(&description.materials[said.material.value].kind);
+            let material = description.materials[said.material.value].kind;
             let medium = match &said.interior {
                 Some(interior) => Some(self.medium(interior.value, instance)?),
                 None => None,
@@ -427,19 +426,5 @@ impl<'d> Builder<'d> {
         regions::darken_infinity(&mut scene);
         scene.glows = Glow::all(&scene);
         Ok(scene)
-    }
-}
-
-fn material(kind: &MaterialKind) -> Material {
-    match kind {
-        MaterialKind::Lambert { reflectance } => Material::Opaque(Bsdf::Lambert(Lambert { reflectance: *reflectance })),
-        MaterialKind::OrenNayar { reflectance, sigma } => {
-            Material::Opaque(Bsdf::OrenNayar(OrenNayar { reflectance: *reflectance, sigma: *sigma }))
-        }
-        MaterialKind::Mirror { reflectance } => Material::Opaque(Bsdf::Mirror(Mirror { reflectance: *reflectance })),
-        MaterialKind::Dielectric { ior, roughness } => {
-            Material::Dielectric(Dielectric { index: *ior, roughness: *roughness })
-        }
-        MaterialKind::None => Material::None,
     }
 }

@@ -1,12 +1,18 @@
-use super::{Drawn, Incidence, Scattering};
+use super::{Bsdf, Drawn, Incidence, Material, Scattering};
 use crate::math::{DVec3, Frame, Rgb, Stream, sampling};
 use std::f64::consts::PI;
 
 /// Reflects equally in all directions, on both sides: f = ρ/π.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Lambert {
-    /// ρ, the share of light that is reflected.
+    /// ρ, the share of light that is reflected, by channel in \[0, 1\].
     pub reflectance: Rgb,
+}
+
+impl From<Lambert> for Material {
+    fn from(material: Lambert) -> Material {
+        Material::Opaque(Bsdf::Lambert(material))
+    }
 }
 
 impl Lambert {

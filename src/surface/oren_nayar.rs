@@ -1,5 +1,5 @@
 use super::lambert::cosine;
-use super::{Drawn, Incidence, Scattering};
+use super::{Bsdf, Drawn, Incidence, Material, Scattering};
 use crate::math::{DVec3, Rgb, Stream};
 use std::f64::consts::PI;
 
@@ -10,12 +10,18 @@ use std::f64::consts::PI;
 ///
 /// with α the larger and β the smaller of the angles to the normal. Light between grooves is left out, as in their
 /// formula: the albedo is ρ (A + B g(θ)), at most ρ, and 0.72 ρ or less for the roughest.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct OrenNayar {
-    /// ρ, the share of light that the walls of grooves reflect.
+    /// ρ, the share of light that the walls of grooves reflect, by channel in \[0, 1\].
     pub reflectance: Rgb,
-    /// σ in radians, at least 0; 0 is Lambert's surface.
+    /// σ in radians, in \[0, π/2\]; 0 is Lambert's surface.
     pub sigma: f64,
+}
+
+impl From<OrenNayar> for Material {
+    fn from(material: OrenNayar) -> Material {
+        Material::Opaque(Bsdf::OrenNayar(material))
+    }
 }
 
 impl OrenNayar {

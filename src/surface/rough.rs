@@ -15,7 +15,7 @@ use crate::math::{DVec3, Frame, Rgb, Stream};
 /// and all orders together lose nothing and are reciprocal: every order is a product of 1/((1 + Λ) |cos θ|) for each
 /// direction on the way, the same both ways (after Heitz, Hanika, d'Eon and Dachsbacher 2016, with heights that are
 /// forgotten from one facet to the next).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Rough {
     /// The index of refraction on the side of arrival, by channel.
     pub from: Rgb,

@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::{Located, Place};
 use crate::math::{DAffine3, DVec2, DVec3, Rgb};
+use crate::surface;
 
 /// `[materials.*]`
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -13,42 +14,10 @@ pub struct Material {
     /// Its key under `[materials]`.
     pub name: String,
     /// What it does with light.
-    pub kind: MaterialKind,
+    pub kind: surface::Material,
     /// Where it is described; for a default, the first shape that needs it.
     #[serde(skip)]
     pub place: Place,
-}
-
-/// The kinds of material.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum MaterialKind {
-    /// Diffuse reflection on both sides.
-    Lambert {
-        /// In \[0, 1\].
-        reflectance: Rgb,
-    },
-    /// Diffuse reflection by a rough surface, on both sides.
-    OrenNayar {
-        /// In \[0, 1\].
-        reflectance: Rgb,
-        /// The standard deviation of its slopes in radians, in \[0, π/2\].
-        sigma: f64,
-    },
-    /// Perfectly specular reflection on both sides.
-    Mirror {
-        /// In \[0, 1\].
-        reflectance: Rgb,
-    },
-    /// A refracting boundary.
-    Dielectric {
-        /// The absolute index of refraction by channel, above 0.
-        ior: Rgb,
-        /// GGX's α, in \[0, 1\]; 0 is smooth.
-        roughness: f64,
-    },
-    /// An index-matched boundary: light passes, only the medium changes.
-    None,
 }
 
 /// `[[shapes]]`

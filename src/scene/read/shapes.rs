@@ -6,9 +6,10 @@ use super::materials::NONE;
 use super::transform::{NOT_INVERTIBLE, is_invertible, transform};
 use super::{Either, Names, all, either};
 use crate::geometry::Lathe;
-use crate::math::{DAffine3, DVec2, Rgb};
-use crate::scene::description::{Located, Material, MaterialKind, Shape, ShapeEmission, ShapeKind, Side, Strength};
+use crate::math::{DAffine3, DVec2};
+use crate::scene::description::{Located, Material, Shape, ShapeEmission, ShapeKind, Side, Strength};
 use crate::scene::table::{Item, Noted, Read, Table, name_of, unit};
+use crate::surface;
 
 /// A shape as its own table has it: an instance's missing keys are not filled in yet.
 pub(super) struct Draft<'a> {
@@ -229,7 +230,7 @@ pub(super) fn finish(mut drafts: Vec<Draft>, materials: &mut Vec<Material>, name
     let mut sound = Ok(());
     let defined_none = names.materials.iter().position(|name| *name == NONE);
     for draft in &drafts {
-        let mut none = |draft| defined_none.unwrap_or_else(|| add(&mut none, NONE, MaterialKind::None, draft));
+        let mut none = |draft| defined_none.unwrap_or_else(|| add(&mut none, NONE, surface::Material::None, draft));
         let material = match &draft.material {
             Some(Located { value: MaterialReference::Index(index), place }) => {
                 Located { value: *index, place: place.clone() }
@@ -239,7 +240,7 @@ pub(super) fn finish(mut drafts: Vec<Draft>, materials: &mut Vec<Material>, name
             }
             None if draft.interior.is_some() || !draft.visible => draft.item.at(none(draft)),
             None if draft.emission.is_some() => {
-                draft.item.at(add(&mut black, "black", MaterialKind::Lambert { reflectance: Rgb::ZERO }, draft))
+                draft.item.at(add(&mut black, "black", surface::Material::BLACK, draft))
             }
             None => {
                 sound = Err(draft.item.fail("a shape without `interior` or `emission` needs a `material`"));
@@ -285,7 +286,7 @@ fn check_closed(item: &Item, shape: &Shape, root: &Shape, materials: &[Material]
         let message = format!("{open} is not closed, so it has no interior; expected a closed shape");
         return Err(item.fail_about(&interior.place, message));
     }
-    if matches!(materials[shape.material.value].kind, MaterialKind::Dielectric { .. }) {
+    if materials[shape.material.value].kind.index().is_some() {
         let message = format!("{open} is not closed; expected a closed shape for a dielectric, which has two sides");
         return Err(item.fail_about(&shape.material.place, message));
     }
