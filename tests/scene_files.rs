@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use volpm::math::random::{Purpose, Stream};
 use volpm::math::{DVec2, DVec3, Rgb};
+use volpm::medium::density::bricks::{Interpolation, NegativePolicy};
 use volpm::medium::density::{Exponential, Noise};
 use volpm::medium::phase::{HenyeyGreenstein, Isotropic, Mixture, Rayleigh, Schlick, mie};
 use volpm::scene::description::*;
@@ -220,7 +221,7 @@ fn every_key_is_read_as_the_manual_says() {
     assert_eq!(file.place.to_string(), "scenes/x.toml:27:34: media.smoke.density.file");
     assert_eq!(grid.as_ref().map(|grid| grid.value.as_str()), Some("soot"));
     assert_eq!(transform.transform_point3(DVec3::splat(4.0)), DVec3::new(3.0, 4.0, 5.0));
-    assert_eq!((*interpolation, *negative), (Interpolation::Nearest, Negative::Zero));
+    assert_eq!((*interpolation, *negative), (Interpolation::Nearest, NegativePolicy::Zero));
     let Some(MediumEmission::BlackBody { temperature, kelvin_scale, scale }) = &smoke.emission else { panic!() };
     assert_eq!((temperature.value.as_str(), *kelvin_scale, *scale), ("heat", 2.0, 1e-3));
 

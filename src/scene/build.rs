@@ -53,7 +53,8 @@ struct Builder<'d> {
     /// Moves the scene's middle to the origin.
     center: DVec3,
     meshes: HashMap<(PathBuf, bool), Arc<Mesh>>,
-    voxels: HashMap<(PathBuf, String), Arc<BrickGrid>>,
+    /// By file, the grid's index in it, and how it is read.
+    voxels: HashMap<(PathBuf, usize, Interpolation, NegativePolicy), Arc<BrickGrid>>,
     /// Where media of noise are, in the coordinates of the noise, by index in the description.
     extents: HashMap<usize, Vec<Bounds>>,
     /// Base media in the file's coordinates, by index in the description.
@@ -256,15 +257,7 @@ impl<'d> Builder<'d> {
             }
             said::Density::Array { file, min, max } => Density::Grid(self.array(file, *min, *max)?),
             said::Density::Vdb { file, grid, transform, interpolation, negative } => {
-                let interpolation = match interpolation {
-                    said::Interpolation::Trilinear => Interpolation::Trilinear,
-                    said::Interpolation::Nearest => Interpolation::Nearest,
-                };
-                let negative = match negative {
-                    said::Negative::Error => NegativePolicy::Error,
-                    said::Negative::Zero => NegativePolicy::Zero,
-                };
-                Density::Grid(self.vdb(file, grid.as_ref(), *transform, interpolation, negative)?)
+                Density::Grid(self.vdb(file, grid.as_ref(), *transform, *interpolation, *negative)?)
             }
         };
         let emission = match &said.emission {
@@ -315,7 +308,7 @@ impl<'d> Builder<'d> {
         };
         let to_world = source.grids()[index].index_to_world.clone();
         let to_world = to_world.map_err(|message| fail(Error::asset(&file.value, message)))?;
-        let key = (file.value.clone(), format!("{index} {interpolation:?} {negative:?}"));
+        let key = (file.value.clone(), index, interpolation, negative);
         let voxels = match self.voxels.get(&key) {
             Some(voxels) => voxels.clone(),
             None => {

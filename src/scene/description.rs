@@ -18,6 +18,7 @@ use serde::Serialize;
 
 use crate::Error;
 use crate::math::{DAffine3, DVec3, Rgb};
+use crate::medium::density::bricks::{Interpolation, NegativePolicy};
 use crate::medium::density::{Exponential, Noise};
 use crate::medium::phase::Phase;
 
@@ -278,10 +279,10 @@ pub enum Density {
         grid: Option<Located<String>>,
         /// Applied after the grid's own transform.
         transform: DAffine3,
-        /// Between voxels.
+        /// The density between voxels.
         interpolation: Interpolation,
         /// What becomes of voxels below 0.
-        negative: Negative,
+        negative: NegativePolicy,
     },
     /// Cell-centred samples in a box: clamped to the outer samples inside it, 0 outside.
     Array {
@@ -327,26 +328,6 @@ impl Density {
             _ => None,
         }
     }
-}
-
-/// What a grid's value is between voxels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Interpolation {
-    /// Linear on each axis.
-    Trilinear,
-    /// That of the nearest voxel.
-    Nearest,
-}
-
-/// What becomes of negative voxels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Negative {
-    /// The file is refused.
-    Error,
-    /// They count as 0.
-    Zero,
 }
 
 /// `media.*.emission`: L_e, which is multiplied by σ_a.
