@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use volpm::light::Sides;
 use volpm::math::random::{Purpose, Stream};
 use volpm::math::{DVec2, DVec3, Rgb};
 use volpm::medium::density::bricks::{Interpolation, NegativePolicy};
@@ -262,7 +263,7 @@ fn every_key_is_read_as_the_manual_says() {
     assert_eq!((haze.name.as_deref(), haze.priority, haze.visible), (Some("haze"), -2, false));
     assert_eq!(lamp.kind, ShapeKind::Sphere { center: DVec3::new(3.0, 5.0, 2.0), radius: 0.25 });
     let emission = lamp.emission.as_ref().expect("the sphere is a light");
-    assert_eq!((emission.strength, emission.side), (Strength::Power(Rgb::splat(60.0)), Side::Both));
+    assert_eq!((emission.strength, emission.side), (Strength::Power(Rgb::splat(60.0)), Sides::Both));
     assert_eq!(disk.kind, ShapeKind::Disk { center: DVec3::ZERO, normal: DVec3::Z, radius: 1.0 });
     assert_eq!(cylinder.kind, ShapeKind::Cylinder { base: DVec3::ZERO, top: DVec3::Y, radius: 1.0, caps: true });
     let ShapeKind::Mesh { file, smooth: false } = &mesh.kind else { panic!("{mesh:?}") };

@@ -137,16 +137,9 @@ impl<'d> Builder<'d> {
                     "this shape has {why}, but is not closed, so nothing is inside: every edge of a solid's mesh must be shared by two triangles wound alike"
                 )));
             }
-            let emission = said.emission.as_ref().map(|emission| {
-                let sides = match emission.side {
-                    said::Side::Out => Sides::Out,
-                    said::Side::In => Sides::In,
-                    said::Side::Both => Sides::Both,
-                };
-                match emission.strength {
-                    Strength::Radiance(radiance) => Shine::Radiance(radiance, sides),
-                    Strength::Power(power) => Shine::Power(power, sides),
-                }
+            let emission = said.emission.as_ref().map(|emission| match emission.strength {
+                Strength::Radiance(radiance) => Shine::Radiance(radiance, emission.side),
+                Strength::Power(power) => Shine::Power(power, emission.side),
             });
             self.parts.push(Part {
                 placed,

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::{Located, Place};
+use crate::light::Sides;
 use crate::math::{DAffine3, DVec2, DVec3, Rgb};
 use crate::surface;
 
@@ -123,8 +124,8 @@ pub enum ShapeKind {
 pub struct ShapeEmission {
     /// How much.
     pub strength: Strength,
-    /// From which side.
-    pub side: Side,
+    /// From which sides.
+    pub side: Sides,
     /// Where it is described.
     #[serde(skip)]
     pub place: Place,
@@ -139,16 +140,4 @@ pub enum Strength {
     /// The power in W over all emitting sides; radiance is power/(π A), A the emitting area after the
     /// transform, each instance anew.
     Power(Rgb),
-}
-
-/// The sides of a surface that emit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Side {
-    /// Away from the inside.
-    Out,
-    /// Towards the inside.
-    In,
-    /// Either way; the emitting area is twice the surface's.
-    Both,
 }

@@ -6,8 +6,9 @@ use super::materials::NONE;
 use super::transform::{NOT_INVERTIBLE, is_invertible, transform};
 use super::{Either, Names, all, either};
 use crate::geometry::Lathe;
+use crate::light::Sides;
 use crate::math::{DAffine3, DVec2};
-use crate::scene::description::{Located, Material, Shape, ShapeEmission, ShapeKind, Side, Strength};
+use crate::scene::description::{Located, Material, Shape, ShapeEmission, ShapeKind, Strength};
 use crate::scene::table::{Item, Noted, Read, Table, name_of, unit};
 use crate::surface;
 
@@ -91,8 +92,8 @@ fn material_reference(item: &Item, names: &Names) -> Read<MaterialReference> {
 
 fn emission(table: &Table) -> Read<ShapeEmission> {
     let strength = either(table, ("radiance", Item::colour), ("power", Item::colour));
-    let side = table.get_or("side", Side::Out, |item| {
-        item.choice(&[("out", Side::Out), ("in", Side::In), ("both", Side::Both)], &[])
+    let side = table.get_or("side", Sides::Out, |item| {
+        item.choice(&[("out", Sides::Out), ("in", Sides::In), ("both", Sides::Both)], &[])
     });
     table.finish()?;
     let strength = match strength? {
