@@ -20,14 +20,14 @@ impl From<Dielectric> for Material {
 /// Where light goes on from a refracting boundary.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lobe {
-    /// Back.
+    /// Back from the boundary.
     Reflected,
-    /// Through.
+    /// Through the boundary.
     Refracted,
 }
 
 impl Lobe {
-    /// The one that this is not.
+    /// Refracted for reflected, and reflected for refracted.
     pub fn other(self) -> Lobe {
         match self {
             Lobe::Reflected => Lobe::Refracted,

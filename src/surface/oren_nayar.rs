@@ -1,4 +1,4 @@
-use super::lambert::cosine;
+use super::lambert::{cosine, cosine_density};
 use super::{Bsdf, Drawn, Incidence, Material, Scattering};
 use crate::math::{DVec3, Rgb, Stream};
 use std::f64::consts::PI;
@@ -42,16 +42,15 @@ impl OrenNayar {
 
     /// f cos θ with density cos θ/π.
     pub(super) fn value(&self, at: &Incidence, o: DVec3) -> Scattering {
-        let density = at.shading_normal.dot(o).max(0.0) / PI;
+        let density = cosine_density(at.shading_normal, o);
         Scattering { value: self.reflectance * (self.relative(at, o) * density), ahead: Rgb::splat(density) }
     }
 
     /// A direction drawn in proportion to the cosine.
     pub(super) fn sample(&self, at: &Incidence, stream: &mut Stream) -> Drawn {
         let normal = at.shading_normal;
-        let direction = cosine(normal, stream);
-        let factor = self.reflectance * self.relative(at, direction);
-        Drawn { direction, normal, factor, density: normal.dot(direction).max(0.0) / PI }
+        let (direction, density) = cosine(normal, stream);
+        Drawn { direction, normal, factor: self.reflectance * self.relative(at, direction), density }
     }
 
     /// ∫ f cos θ_o dω_o = ρ (A + B g), g = 2/π (sin θ (θ − sin θ cos θ)/2 + tan θ (1 − sin³ θ)/3), with θ the angle of

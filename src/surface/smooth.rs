@@ -7,7 +7,7 @@ use crate::math::{DVec3, Rgb, Stream};
 pub struct Smooth {
     /// The index of refraction on the side of arrival, by channel.
     pub from: Rgb,
-    /// The index beyond.
+    /// The index of refraction beyond the boundary, by channel.
     pub to: Rgb,
 }
 
