@@ -103,7 +103,7 @@ impl fmt::Display for Place {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(transparent)]
 pub struct Located<T> {
-    /// The value.
+    /// The value that was said.
     pub value: T,
     /// Where it was said; for a default, the table that leaves it out.
     #[serde(skip)]
@@ -179,9 +179,9 @@ impl Description {
 /// `[camera]`: a pinhole, or a thin lens if `aperture` is above 0.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Camera {
-    /// Where it stands.
+    /// Where the camera stands.
     pub position: DVec3,
-    /// What it looks at; differs from `position`.
+    /// What the camera looks at; differs from `position`.
     pub target: DVec3,
     /// What is up in the image; not parallel to the view, of any length.
     pub up: DVec3,
@@ -228,10 +228,10 @@ impl Unit {
     }
 }
 
-/// `[media.*]`
+/// `[media.*]`: what fills shapes, or the world.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Medium {
-    /// Its key under `[media]`.
+    /// The medium's key under `[media]`.
     pub name: String,
     /// Scattering coefficient per scene unit where the density is 1, `scale` applied; at least 0.
     pub sigma_s: Rgb,
@@ -243,7 +243,7 @@ pub struct Medium {
     pub density: Density,
     /// The light the medium sends out by itself.
     pub emission: Option<MediumEmission>,
-    /// Where it is described.
+    /// Where the medium is described.
     #[serde(skip)]
     pub place: Place,
 }
@@ -262,7 +262,7 @@ impl Medium {
     }
 }
 
-/// `media.*.density`. It lives in world space; an instance's transform carries it along.
+/// `media.*.density`: what a medium's coefficients are multiplied by. It lives in world space; an instance's transform carries it along.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Density {
@@ -273,7 +273,7 @@ pub enum Density {
     },
     /// A grid of an OpenVDB file.
     Vdb {
-        /// The file.
+        /// The `.vdb` file.
         file: Located<PathBuf>,
         /// The name of the grid; `None`: the file's only grid, or else the one named `density`.
         grid: Option<Located<String>>,
@@ -293,7 +293,7 @@ pub enum Density {
         /// The upper corner, above `min` on every axis.
         max: DVec3,
     },
-    /// An atmosphere.
+    /// An atmosphere that thins out with height.
     Exponential(Exponential),
     /// Fractal noise, defined in all space; only what solids are filled with can have it.
     Noise(Noise),

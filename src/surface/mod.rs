@@ -34,7 +34,7 @@ use crate::math::{DVec3, Rgb, Stream};
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Material {
-    /// A boundary between indices of refraction.
+    /// A closed boundary around another index of refraction.
     Dielectric(Dielectric),
     /// No surface, but an index-matched boundary: light passes, only the medium changes.
     None,
@@ -74,20 +74,20 @@ impl Material {
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Bsdf {
-    /// Diffuse reflection.
+    /// Diffuse reflection, equal in all directions.
     Lambert(Lambert),
     /// Diffuse reflection by a rough surface.
     OrenNayar(OrenNayar),
     /// Specular reflection.
     Mirror(Mirror),
-    /// A smooth boundary between two indices of refraction.
+    /// A smooth boundary between two indices of refraction, where light meets a [`Dielectric`].
     Smooth(Smooth),
-    /// A rough boundary between two indices of refraction.
+    /// A rough boundary between two indices of refraction, where light meets a [`Dielectric`].
     Rough(Rough),
 }
 
 impl Bsdf {
-    /// How it spreads light.
+    /// How it spreads light over directions.
     pub fn nature(&self) -> Nature {
         match self {
             Bsdf::Lambert(_) | Bsdf::OrenNayar(_) => Nature::Diffuse,

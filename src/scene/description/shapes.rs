@@ -9,19 +9,19 @@ use crate::light::Sides;
 use crate::math::{DAffine3, DVec2, DVec3, Rgb};
 use crate::surface;
 
-/// `[materials.*]`
+/// `[materials.*]`: what shapes are made of.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Material {
-    /// Its key under `[materials]`.
+    /// The material's key under `[materials]`.
     pub name: String,
-    /// What it does with light.
+    /// Which kind of material it is, with what is said of it.
     pub kind: surface::Material,
-    /// Where it is described; for a default, the first shape that needs it.
+    /// Where the material is described; for a default, the first shape that needs it.
     #[serde(skip)]
     pub place: Place,
 }
 
-/// `[[shapes]]`
+/// `[[shapes]]`: a surface, and what fills it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Shape {
     /// What instances and overrides call it; no two shapes share a name.
@@ -43,7 +43,7 @@ pub struct Shape {
     pub emission: Option<ShapeEmission>,
     /// False for what is only a template of instances.
     pub visible: bool,
-    /// Where it is described.
+    /// Where the shape is described.
     #[serde(skip)]
     pub place: Place,
 }
@@ -54,9 +54,9 @@ pub struct Shape {
 pub enum ShapeKind {
     /// A sphere.
     Sphere {
-        /// Its centre.
+        /// The sphere's centre.
         center: DVec3,
-        /// Above 0.
+        /// The sphere's radius, above 0.
         radius: f64,
     },
     /// A box with faces across the axes.
@@ -68,7 +68,7 @@ pub enum ShapeKind {
     },
     /// A parallelogram; out is `edge_u` × `edge_v`.
     Quad {
-        /// A corner.
+        /// One of the parallelogram's corners.
         origin: DVec3,
         /// From `origin` along one edge.
         edge_u: DVec3,
@@ -77,11 +77,11 @@ pub enum ShapeKind {
     },
     /// A flat disk.
     Disk {
-        /// Its centre.
+        /// The disk's centre.
         center: DVec3,
-        /// Out; of unit length.
+        /// The unit normal, which points out.
         normal: DVec3,
-        /// Above 0.
+        /// The disk's radius, above 0.
         radius: f64,
     },
     /// A round cylinder.
@@ -90,7 +90,7 @@ pub enum ShapeKind {
         base: DVec3,
         /// The centre of the other end; differs from `base`.
         top: DVec3,
-        /// Above 0.
+        /// The cylinder's radius, above 0.
         radius: f64,
         /// Whether the ends are closed.
         caps: bool,
@@ -119,14 +119,14 @@ pub enum ShapeKind {
     },
 }
 
-/// `shapes.*.emission`
+/// `shapes.*.emission`: the light that a shape sends out.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ShapeEmission {
-    /// How much.
+    /// How strong the light is.
     pub strength: Strength,
-    /// From which sides.
+    /// The sides of the surface that it leaves from.
     pub side: Sides,
-    /// Where it is described.
+    /// Where the emission is described.
     #[serde(skip)]
     pub place: Place,
 }
