@@ -36,16 +36,37 @@ pub fn build(description: &Description) -> Result<(Scene, Settings)> {
 struct Part {
     placed: Placed,
     surface: Surface,
-    /// If it is a solid: medium, index of refraction, priority.
-    solid: Option<(Option<u32>, Option<Rgb>, i32)>,
-    /// If it shines: how much and where it was said.
+    solid: Option<Filling>,
     emission: Option<Shine>,
 }
 
+/// What is inside a placed shape that is a solid.
+struct Filling {
+    /// An index into `media`; `None` is vacuum.
+    medium: Option<u32>,
+    /// The index of refraction, of a dielectric.
+    index: Option<Rgb>,
+    /// Of the solids around a point, the one with the highest decides what is there.
+    priority: i32,
+}
+
+/// How a placed shape shines.
 enum Shine {
     Radiance(Rgb, Sides),
     Power(Rgb, Sides),
     Disc(Directivity),
+}
+
+/// A shape to be placed.
+struct Unplaced {
+    /// Its index in the description.
+    index: usize,
+    /// The surface in object space, an instance's template's.
+    shape: Shape,
+    /// From object space to the file's coordinates.
+    transform: DAffine3,
+    /// If it is an instance, its index in the description.
+    instance: Option<usize>,
 }
 
 struct Builder<'d> {
@@ -93,7 +114,7 @@ impl<'d> Builder<'d> {
 
     fn place_shapes(&mut self) -> Result<()> {
         let description = self.description;
-        let shapes: Vec<(usize, Shape, DAffine3, Option<usize>)> = description
+        let shapes: Vec<Unplaced> = description
             .shapes
             .iter()
             .enumerate()
@@ -106,22 +127,22 @@ impl<'d> Builder<'d> {
                     }
                     _ => (shape, shape.transform, None),
                 };
-                Ok((index, self.shape(template)?, transform, instance))
+                Ok(Unplaced { index, shape: self.shape(template)?, transform, instance })
             })
             .collect::<Result<_>>()?;
 
         // The middle of all surfaces and of the camera.
         let camera = &description.camera;
         let mut bounds = Bounds::of_points([camera.position]);
-        for (index, shape, transform, _) in &shapes {
-            let place = &description.shapes[*index].place;
-            let placed = Placed::new(shape.clone(), *transform).map_err(|error| place.error(error))?;
+        for unplaced in &shapes {
+            let place = &description.shapes[unplaced.index].place;
+            let placed = Placed::new(unplaced.shape.clone(), unplaced.transform).map_err(|error| place.error(error))?;
             bounds = bounds.union(placed.bounds());
         }
         self.center = bounds.center();
         self.find_noise(&shapes)?;
 
-        for (index, shape, transform, instance) in shapes {
+        for Unplaced { index, shape, transform, instance } in shapes {
             let said = &description.shapes[index];
             let placed = Placed::new(shape, self.moved() * transform).map_err(|error| said.place.error(error))?;
             let material = description.materials[said.material.value].kind;
@@ -144,7 +165,7 @@ impl<'d> Builder<'d> {
             self.parts.push(Part {
                 placed,
                 surface: Surface { material, solid: None, light: None },
-                solid: is_solid.then_some((medium, index_of_refraction, said.priority)),
+                solid: is_solid.then_some(Filling { medium, index: index_of_refraction, priority: said.priority }),
                 emission,
             });
         }
@@ -153,8 +174,8 @@ impl<'d> Builder<'d> {
 
     /// Noise is sampled where there are shapes it fills. An instance carries the noise along: it is sampled where
     /// the template stands.
-    fn find_noise(&mut self, shapes: &[(usize, Shape, DAffine3, Option<usize>)]) -> Result<()> {
-        for (index, shape, transform, instance) in shapes {
+    fn find_noise(&mut self, shapes: &[Unplaced]) -> Result<()> {
+        for Unplaced { index, shape, transform, instance } in shapes {
             let said = &self.description.shapes[*index];
             let Some(interior) = &said.interior else { continue };
             if !self.description.media[interior.value].density.fills_shapes() {
@@ -363,10 +384,10 @@ impl<'d> Builder<'d> {
 
         // Precedence: by priority, then by order in the file.
         let mut order: Vec<usize> = (0..self.parts.len()).filter(|&i| self.parts[i].solid.is_some()).collect();
-        order.sort_by_key(|&i| self.parts[i].solid.as_ref().map(|solid| solid.2));
+        order.sort_by_key(|&i| self.parts[i].solid.as_ref().map(|filling| filling.priority));
         let mut solids = Vec::with_capacity(order.len());
         for part in order {
-            if let Some((medium, index, _)) = self.parts[part].solid {
+            if let Some(Filling { medium, index, .. }) = self.parts[part].solid {
                 self.parts[part].surface.solid = Some(solids.len() as u32);
                 solids.push(Solid { shape: part as u32, medium, index, region: 0 });
             }
