@@ -105,105 +105,100 @@ fn emission(table: &Table) -> Read<ShapeEmission> {
 
 /// The keys of the shape's own type; they are the last to be read.
 fn kind(table: &Table, names: &Names, shapes: &ShapeNames) -> Read<ShapeKind> {
-    #[derive(Clone, Copy)]
-    enum Kind {
-        Sphere,
-        Box,
-        Quad,
-        Disk,
-        Cylinder,
-        Lathe,
-        Mesh,
-        Instance,
+    type Reader = fn(&Table, &Names, &ShapeNames) -> Read<ShapeKind>;
+    let kinds: [(&str, Reader); 8] = [
+        ("sphere", sphere),
+        ("box", cuboid),
+        ("quad", quad),
+        ("disk", disk),
+        ("cylinder", cylinder),
+        ("lathe", lathe),
+        ("mesh", mesh),
+        ("instance", instance),
+    ];
+    let read = table.require("type", |item| item.choice(&kinds, &[]))?;
+    read(table, names, shapes)
+}
+
+fn sphere(table: &Table, _: &Names, _: &ShapeNames) -> Read<ShapeKind> {
+    let center = table.require("center", Item::vector);
+    let radius = table.require("radius", Item::length);
+    table.finish()?;
+    Ok(ShapeKind::Sphere { center: center?, radius: radius? })
+}
+
+fn cuboid(table: &Table, _: &Names, _: &ShapeNames) -> Read<ShapeKind> {
+    let corners = super::corners(table);
+    table.finish()?;
+    let (min, max) = corners?;
+    Ok(ShapeKind::Box { min, max })
+}
+
+fn quad(table: &Table, _: &Names, _: &ShapeNames) -> Read<ShapeKind> {
+    let origin = table.require("origin", Item::vector);
+    let edge_u = table.require("edge_u", Item::nonzero_vector);
+    let edge_v = table.require("edge_v", Item::nonzero_vector);
+    table.finish()?;
+    let (edge_u, edge_v) = (edge_u?, edge_v?);
+    // Narrower parallelograms have no normal beyond rounding.
+    const PARALLEL: f64 = 1e-9;
+    let normal = unit(edge_u).zip(unit(edge_v)).map(|(u, v)| u.cross(v));
+    if normal.is_none_or(|normal| normal.length() < PARALLEL) {
+        return Err(table.fail_at("edge_v", format!("{edge_v} is parallel to `edge_u`, {edge_u}")));
     }
-    let kind = table.require("type", |item| {
-        let kinds = [
-            ("sphere", Kind::Sphere),
-            ("box", Kind::Box),
-            ("quad", Kind::Quad),
-            ("disk", Kind::Disk),
-            ("cylinder", Kind::Cylinder),
-            ("lathe", Kind::Lathe),
-            ("mesh", Kind::Mesh),
-            ("instance", Kind::Instance),
-        ];
-        item.choice(&kinds, &[])
-    })?;
-    match kind {
-        Kind::Sphere => {
-            let center = table.require("center", Item::vector);
-            let radius = table.require("radius", Item::length);
-            table.finish()?;
-            Ok(ShapeKind::Sphere { center: center?, radius: radius? })
-        }
-        Kind::Box => {
-            let corners = super::corners(table);
-            table.finish()?;
-            let (min, max) = corners?;
-            Ok(ShapeKind::Box { min, max })
-        }
-        Kind::Quad => {
-            let origin = table.require("origin", Item::vector);
-            let edge_u = table.require("edge_u", Item::nonzero_vector);
-            let edge_v = table.require("edge_v", Item::nonzero_vector);
-            table.finish()?;
-            let (edge_u, edge_v) = (edge_u?, edge_v?);
-            // Narrower parallelograms have no normal beyond rounding.
-            const PARALLEL: f64 = 1e-9;
-            let normal = unit(edge_u).zip(unit(edge_v)).map(|(u, v)| u.cross(v));
-            if normal.is_none_or(|normal| normal.length() < PARALLEL) {
-                return Err(table.fail_at("edge_v", format!("{edge_v} is parallel to `edge_u`, {edge_u}")));
-            }
-            Ok(ShapeKind::Quad { origin: origin?, edge_u, edge_v })
-        }
-        Kind::Disk => {
-            let center = table.require("center", Item::vector);
-            let normal = table.require("normal", Item::direction);
-            let radius = table.require("radius", Item::length);
-            table.finish()?;
-            Ok(ShapeKind::Disk { center: center?, normal: normal?, radius: radius? })
-        }
-        Kind::Cylinder => {
-            let base = table.require("base", Item::vector);
-            let top = table.require("top", Item::vector);
-            let radius = table.require("radius", Item::length);
-            let caps = table.get_or("caps", true, Item::boolean);
-            table.finish()?;
-            let (base, top) = (base?, top?);
-            if base == top {
-                return Err(table.fail_at("top", format!("found {top}, the same point as `base`; expected another")));
-            }
-            Ok(ShapeKind::Cylinder { base, top, radius: radius?, caps: caps? })
-        }
-        Kind::Lathe => {
-            let profile = table.require("profile", |item| {
-                let points = item.array("a list of points, [[radius, height], …]")?;
-                if points.len() < 2 {
-                    return Err(item.fail(format!("found {} points; expected at least 2", points.len())));
-                }
-                all(&points, profile_point)
-            });
-            let segments = table.get("segments", |item| item.u32(3));
-            let crease = table.get_or("crease", 30.0, |item| item.within(0.0, 180.0));
-            table.finish()?;
-            Ok(ShapeKind::Lathe { profile: profile?, segments: segments?, crease: crease? })
-        }
-        Kind::Mesh => {
-            let file = table.require("file", |item| item.file(names.folder, &["obj", "obj.gz"]));
-            let smooth = table.get_or("smooth", true, Item::boolean);
-            table.finish()?;
-            Ok(ShapeKind::Mesh { file: file?, smooth: smooth? })
-        }
-        Kind::Instance => {
-            let of = table.require("of", |item| {
-                let name = item.string()?;
-                let index = shapes.indices.get(name).copied();
-                index.ok_or_else(|| item.unknown_name("shape", name, &shapes.all))
-            });
-            table.finish()?;
-            Ok(ShapeKind::Instance { of: of? })
-        }
+    Ok(ShapeKind::Quad { origin: origin?, edge_u, edge_v })
+}
+
+fn disk(table: &Table, _: &Names, _: &ShapeNames) -> Read<ShapeKind> {
+    let center = table.require("center", Item::vector);
+    let normal = table.require("normal", Item::direction);
+    let radius = table.require("radius", Item::length);
+    table.finish()?;
+    Ok(ShapeKind::Disk { center: center?, normal: normal?, radius: radius? })
+}
+
+fn cylinder(table: &Table, _: &Names, _: &ShapeNames) -> Read<ShapeKind> {
+    let base = table.require("base", Item::vector);
+    let top = table.require("top", Item::vector);
+    let radius = table.require("radius", Item::length);
+    let caps = table.get_or("caps", true, Item::boolean);
+    table.finish()?;
+    let (base, top) = (base?, top?);
+    if base == top {
+        return Err(table.fail_at("top", format!("found {top}, the same point as `base`; expected another")));
     }
+    Ok(ShapeKind::Cylinder { base, top, radius: radius?, caps: caps? })
+}
+
+fn lathe(table: &Table, _: &Names, _: &ShapeNames) -> Read<ShapeKind> {
+    let profile = table.require("profile", |item| {
+        let points = item.array("a list of points, [[radius, height], …]")?;
+        if points.len() < 2 {
+            return Err(item.fail(format!("found {} points; expected at least 2", points.len())));
+        }
+        all(&points, profile_point)
+    });
+    let segments = table.get("segments", |item| item.u32(3));
+    let crease = table.get_or("crease", 30.0, |item| item.within(0.0, 180.0));
+    table.finish()?;
+    Ok(ShapeKind::Lathe { profile: profile?, segments: segments?, crease: crease? })
+}
+
+fn mesh(table: &Table, names: &Names, _: &ShapeNames) -> Read<ShapeKind> {
+    let file = table.require("file", |item| item.file(names.folder, &["obj", "obj.gz"]));
+    let smooth = table.get_or("smooth", true, Item::boolean);
+    table.finish()?;
+    Ok(ShapeKind::Mesh { file: file?, smooth: smooth? })
+}
+
+fn instance(table: &Table, _: &Names, shapes: &ShapeNames) -> Read<ShapeKind> {
+    let of = table.require("of", |item| {
+        let name = item.string()?;
+        let index = shapes.indices.get(name).copied();
+        index.ok_or_else(|| item.unknown_name("shape", name, &shapes.all))
+    });
+    table.finish()?;
+    Ok(ShapeKind::Instance { of: of? })
 }
 
 /// `[radius, height]`
