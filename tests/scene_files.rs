@@ -2,11 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
+use volpm::light::Sides;
 use volpm::math::random::{Purpose, Stream};
 use volpm::math::{DVec2, DVec3, Rgb};
+use volpm::medium::density::bricks::{Interpolation, NegativePolicy};
 use volpm::medium::density::{Exponential, Noise};
 use volpm::medium::phase::{HenyeyGreenstein, Isotropic, Mixture, Rayleigh, Schlick, mie};
 use volpm::scene::description::*;
+use volpm::surface::{self, Dielectric, Lambert, Mirror};
 use volpm::{Error, scene};
 
 /// Every table, with a value for every key that is supported.
@@ -219,7 +222,7 @@ fn every_key_is_read_as_the_manual_says() {
     assert_eq!(file.place.to_string(), "scenes/x.toml:27:34: media.smoke.density.file");
     assert_eq!(grid.as_ref().map(|grid| grid.value.as_str()), Some("soot"));
     assert_eq!(transform.transform_point3(DVec3::splat(4.0)), DVec3::new(3.0, 4.0, 5.0));
-    assert_eq!((*interpolation, *negative), (Interpolation::Nearest, Negative::Zero));
+    assert_eq!((*interpolation, *negative), (Interpolation::Nearest, NegativePolicy::Zero));
     let Some(MediumEmission::BlackBody { temperature, kelvin_scale, scale }) = &smoke.emission else { panic!() };
     assert_eq!((temperature.value.as_str(), *kelvin_scale, *scale), ("heat", 2.0, 1e-3));
 
@@ -239,11 +242,11 @@ fn every_key_is_read_as_the_manual_says() {
 
     let kinds: Vec<_> = scene.materials.iter().map(|material| (material.name.as_str(), material.kind)).collect();
     let expected = [
-        ("white", MaterialKind::Lambert { reflectance: Rgb::splat(0.75) }),
-        ("chrome", MaterialKind::Mirror { reflectance: Rgb::new(0.9, 0.8, 0.7) }),
-        ("my glass", MaterialKind::Dielectric { ior: Rgb::new(1.5, 1.504, 1.513), roughness: 0.25 }),
-        ("none", MaterialKind::None),
-        ("black", MaterialKind::Lambert { reflectance: Rgb::ZERO }),
+        ("white", Lambert { reflectance: Rgb::splat(0.75) }.into()),
+        ("chrome", Mirror { reflectance: Rgb::new(0.9, 0.8, 0.7) }.into()),
+        ("my glass", Dielectric { index: Rgb::new(1.5, 1.504, 1.513), roughness: 0.25 }.into()),
+        ("none", surface::Material::None),
+        ("black", Lambert { reflectance: Rgb::ZERO }.into()),
     ];
     assert_eq!(kinds, expected);
 
@@ -260,7 +263,7 @@ fn every_key_is_read_as_the_manual_says() {
     assert_eq!((haze.name.as_deref(), haze.priority, haze.visible), (Some("haze"), -2, false));
     assert_eq!(lamp.kind, ShapeKind::Sphere { center: DVec3::new(3.0, 5.0, 2.0), radius: 0.25 });
     let emission = lamp.emission.as_ref().expect("the sphere is a light");
-    assert_eq!((emission.strength, emission.side), (Strength::Power(Rgb::splat(60.0)), Side::Both));
+    assert_eq!((emission.strength, emission.side), (Strength::Power(Rgb::splat(60.0)), Sides::Both));
     assert_eq!(disk.kind, ShapeKind::Disk { center: DVec3::ZERO, normal: DVec3::Z, radius: 1.0 });
     assert_eq!(cylinder.kind, ShapeKind::Cylinder { base: DVec3::ZERO, top: DVec3::Y, radius: 1.0, caps: true });
     let ShapeKind::Mesh { file, smooth: false } = &mesh.kind else { panic!("{mesh:?}") };
@@ -685,7 +688,7 @@ fn overrides_reach_every_key() {
     assert!(matches!(scene.shapes[1].kind, ShapeKind::Box { max, .. } if max.y == 7.0));
     assert!(matches!(scene.shapes[2].kind, ShapeKind::Sphere { radius: 9.0, .. }));
     assert!(matches!(scene.lights[0].kind, LightKind::Spot { intensity: Rgb::ZERO, .. }));
-    assert_eq!(scene.materials[2].kind, MaterialKind::Dielectric { ior: Rgb::splat(2.0), roughness: 0.25 });
+    assert_eq!(scene.materials[2].kind, Dielectric { index: Rgb::splat(2.0), roughness: 0.25 }.into());
     let Density::Vdb { file, .. } = &scene.media[0].density else { panic!() };
     assert_eq!(file.value, PathBuf::from("scenes/a = b/smöke.vdb"));
     assert_eq!(scene.media[2].phase, Isotropic.into());

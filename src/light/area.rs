@@ -37,13 +37,14 @@ pub enum Directivity {
 }
 
 /// The sides of a shape that shine.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Sides {
     /// Away from the inside.
     Out,
     /// Towards the inside.
     In,
-    /// Both sides.
+    /// Both sides: the area that shines is twice the shape's.
     Both,
 }
 

@@ -8,7 +8,7 @@ use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::description::{self as said, Description, Located, MaterialKind, ShapeKind, Strength};
+use super::description::{self as said, Description, Located, ShapeKind, Strength};
 use super::world::{Scene, Solid, Surface};
 use super::{Glow, Settings};
 use crate::geometry::{Cuboid, Cylinder, Disk, Geometry, Lathe, Mesh, Placed, Quad, Shape, Sphere};
@@ -18,7 +18,6 @@ use crate::medium::black_body::BlackBody;
 use crate::medium::density::bricks::{BrickGrid, Interpolation, NegativePolicy};
 use crate::medium::density::{Density, Grid, npy, vdb};
 use crate::medium::{Emission, Medium};
-use crate::surface::{Bsdf, Dielectric, Lambert, Material, Mirror, OrenNayar};
 use crate::{Error, Result};
 
 /// Loads and builds a scene. With it come the settings that its file gives for the picture.
@@ -37,16 +36,37 @@ pub fn build(description: &Description) -> Result<(Scene, Settings)> {
 struct Part {
     placed: Placed,
     surface: Surface,
-    /// If it is a solid: medium, index of refraction, priority.
-    solid: Option<(Option<u32>, Option<Rgb>, i32)>,
-    /// If it shines: how much and where it was said.
+    solid: Option<Filling>,
     emission: Option<Shine>,
 }
 
+/// What is inside a placed shape that is a solid.
+struct Filling {
+    /// An index into `media`; `None` is vacuum.
+    medium: Option<u32>,
+    /// The index of refraction, of a dielectric.
+    index: Option<Rgb>,
+    /// Of the solids around a point, the one with the highest decides what is there.
+    priority: i32,
+}
+
+/// How a placed shape shines.
 enum Shine {
     Radiance(Rgb, Sides),
     Power(Rgb, Sides),
     Disc(Directivity),
+}
+
+/// A shape to be placed.
+struct Unplaced {
+    /// Its index in the description.
+    index: usize,
+    /// The surface in object space, an instance's template's.
+    shape: Shape,
+    /// From object space to the file's coordinates.
+    transform: DAffine3,
+    /// If it is an instance, its index in the description.
+    instance: Option<usize>,
 }
 
 struct Builder<'d> {
@@ -54,7 +74,8 @@ struct Builder<'d> {
     /// Moves the scene's middle to the origin.
     center: DVec3,
     meshes: HashMap<(PathBuf, bool), Arc<Mesh>>,
-    voxels: HashMap<(PathBuf, String), Arc<BrickGrid>>,
+    /// By file, the grid's index in it, and how it is read.
+    voxels: HashMap<(PathBuf, usize, Interpolation, NegativePolicy), Arc<BrickGrid>>,
     /// Where media of noise are, in the coordinates of the noise, by index in the description.
     extents: HashMap<usize, Vec<Bounds>>,
     /// Base media in the file's coordinates, by index in the description.
@@ -93,7 +114,7 @@ impl<'d> Builder<'d> {
 
     fn place_shapes(&mut self) -> Result<()> {
         let description = self.description;
-        let shapes: Vec<(usize, Shape, DAffine3, Option<usize>)> = description
+        let shapes: Vec<Unplaced> = description
             .shapes
             .iter()
             .enumerate()
@@ -106,25 +127,25 @@ impl<'d> Builder<'d> {
                     }
                     _ => (shape, shape.transform, None),
                 };
-                Ok((index, self.shape(template)?, transform, instance))
+                Ok(Unplaced { index, shape: self.shape(template)?, transform, instance })
             })
             .collect::<Result<_>>()?;
 
         // The middle of all surfaces and of the camera.
         let camera = &description.camera;
         let mut bounds = Bounds::of_points([camera.position]);
-        for (index, shape, transform, _) in &shapes {
-            let place = &description.shapes[*index].place;
-            let placed = Placed::new(shape.clone(), *transform).map_err(|error| place.error(error))?;
+        for unplaced in &shapes {
+            let place = &description.shapes[unplaced.index].place;
+            let placed = Placed::new(unplaced.shape.clone(), unplaced.transform).map_err(|error| place.error(error))?;
             bounds = bounds.union(placed.bounds());
         }
         self.center = bounds.center();
         self.find_noise(&shapes)?;
 
-        for (index, shape, transform, instance) in shapes {
+        for Unplaced { index, shape, transform, instance } in shapes {
             let said = &description.shapes[index];
             let placed = Placed::new(shape, self.moved() * transform).map_err(|error| said.place.error(error))?;
-            let material = material(&description.materials[said.material.value].kind);
+            let material = description.materials[said.material.value].kind;
             let medium = match &said.interior {
                 Some(interior) => Some(self.medium(interior.value, instance)?),
                 None => None,
@@ -137,21 +158,14 @@ impl<'d> Builder<'d> {
                     "this shape has {why}, but is not closed, so nothing is inside: every edge of a solid's mesh must be shared by two triangles wound alike"
                 )));
             }
-            let emission = said.emission.as_ref().map(|emission| {
-                let sides = match emission.side {
-                    said::Side::Out => Sides::Out,
-                    said::Side::In => Sides::In,
-                    said::Side::Both => Sides::Both,
-                };
-                match emission.strength {
-                    Strength::Radiance(radiance) => Shine::Radiance(radiance, sides),
-                    Strength::Power(power) => Shine::Power(power, sides),
-                }
+            let emission = said.emission.as_ref().map(|emission| match emission.strength {
+                Strength::Radiance(radiance) => Shine::Radiance(radiance, emission.side),
+                Strength::Power(power) => Shine::Power(power, emission.side),
             });
             self.parts.push(Part {
                 placed,
                 surface: Surface { material, solid: None, light: None },
-                solid: is_solid.then_some((medium, index_of_refraction, said.priority)),
+                solid: is_solid.then_some(Filling { medium, index: index_of_refraction, priority: said.priority }),
                 emission,
             });
         }
@@ -160,8 +174,8 @@ impl<'d> Builder<'d> {
 
     /// Noise is sampled where there are shapes it fills. An instance carries the noise along: it is sampled where
     /// the template stands.
-    fn find_noise(&mut self, shapes: &[(usize, Shape, DAffine3, Option<usize>)]) -> Result<()> {
-        for (index, shape, transform, instance) in shapes {
+    fn find_noise(&mut self, shapes: &[Unplaced]) -> Result<()> {
+        for Unplaced { index, shape, transform, instance } in shapes {
             let said = &self.description.shapes[*index];
             let Some(interior) = &said.interior else { continue };
             if !self.description.media[interior.value].density.fills_shapes() {
@@ -257,15 +271,7 @@ impl<'d> Builder<'d> {
             }
             said::Density::Array { file, min, max } => Density::Grid(self.array(file, *min, *max)?),
             said::Density::Vdb { file, grid, transform, interpolation, negative } => {
-                let interpolation = match interpolation {
-                    said::Interpolation::Trilinear => Interpolation::Trilinear,
-                    said::Interpolation::Nearest => Interpolation::Nearest,
-                };
-                let negative = match negative {
-                    said::Negative::Error => NegativePolicy::Error,
-                    said::Negative::Zero => NegativePolicy::Zero,
-                };
-                Density::Grid(self.vdb(file, grid.as_ref(), *transform, interpolation, negative)?)
+                Density::Grid(self.vdb(file, grid.as_ref(), *transform, *interpolation, *negative)?)
             }
         };
         let emission = match &said.emission {
@@ -316,7 +322,7 @@ impl<'d> Builder<'d> {
         };
         let to_world = source.grids()[index].index_to_world.clone();
         let to_world = to_world.map_err(|message| fail(Error::asset(&file.value, message)))?;
-        let key = (file.value.clone(), format!("{index} {interpolation:?} {negative:?}"));
+        let key = (file.value.clone(), index, interpolation, negative);
         let voxels = match self.voxels.get(&key) {
             Some(voxels) => voxels.clone(),
             None => {
@@ -378,10 +384,10 @@ impl<'d> Builder<'d> {
 
         // Precedence: by priority, then by order in the file.
         let mut order: Vec<usize> = (0..self.parts.len()).filter(|&i| self.parts[i].solid.is_some()).collect();
-        order.sort_by_key(|&i| self.parts[i].solid.as_ref().map(|solid| solid.2));
+        order.sort_by_key(|&i| self.parts[i].solid.as_ref().map(|filling| filling.priority));
         let mut solids = Vec::with_capacity(order.len());
         for part in order {
-            if let Some((medium, index, _)) = self.parts[part].solid {
+            if let Some(Filling { medium, index, .. }) = self.parts[part].solid {
                 self.parts[part].surface.solid = Some(solids.len() as u32);
                 solids.push(Solid { shape: part as u32, medium, index, region: 0 });
             }
@@ -427,19 +433,5 @@ impl<'d> Builder<'d> {
         regions::darken_infinity(&mut scene);
         scene.glows = Glow::all(&scene);
         Ok(scene)
-    }
-}
-
-fn material(kind: &MaterialKind) -> Material {
-    match kind {
-        MaterialKind::Lambert { reflectance } => Material::Opaque(Bsdf::Lambert(Lambert { reflectance: *reflectance })),
-        MaterialKind::OrenNayar { reflectance, sigma } => {
-            Material::Opaque(Bsdf::OrenNayar(OrenNayar { reflectance: *reflectance, sigma: *sigma }))
-        }
-        MaterialKind::Mirror { reflectance } => Material::Opaque(Bsdf::Mirror(Mirror { reflectance: *reflectance })),
-        MaterialKind::Dielectric { ior, roughness } => {
-            Material::Dielectric(Dielectric { index: *ior, roughness: *roughness })
-        }
-        MaterialKind::None => Material::None,
     }
 }

@@ -18,6 +18,7 @@ use serde::Serialize;
 
 use crate::Error;
 use crate::math::{DAffine3, DVec3, Rgb};
+use crate::medium::density::bricks::{Interpolation, NegativePolicy};
 use crate::medium::density::{Exponential, Noise};
 use crate::medium::phase::Phase;
 
@@ -102,7 +103,7 @@ impl fmt::Display for Place {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(transparent)]
 pub struct Located<T> {
-    /// The value.
+    /// The value that was said.
     pub value: T,
     /// Where it was said; for a default, the table that leaves it out.
     #[serde(skip)]
@@ -178,9 +179,9 @@ impl Description {
 /// `[camera]`: a pinhole, or a thin lens if `aperture` is above 0.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Camera {
-    /// Where it stands.
+    /// Where the camera stands.
     pub position: DVec3,
-    /// What it looks at; differs from `position`.
+    /// What the camera looks at; differs from `position`.
     pub target: DVec3,
     /// What is up in the image; not parallel to the view, of any length.
     pub up: DVec3,
@@ -227,10 +228,10 @@ impl Unit {
     }
 }
 
-/// `[media.*]`
+/// `[media.*]`: what fills shapes, or the world.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Medium {
-    /// Its key under `[media]`.
+    /// The medium's key under `[media]`.
     pub name: String,
     /// Scattering coefficient per scene unit where the density is 1, `scale` applied; at least 0.
     pub sigma_s: Rgb,
@@ -242,7 +243,7 @@ pub struct Medium {
     pub density: Density,
     /// The light the medium sends out by itself.
     pub emission: Option<MediumEmission>,
-    /// Where it is described.
+    /// Where the medium is described.
     #[serde(skip)]
     pub place: Place,
 }
@@ -261,7 +262,7 @@ impl Medium {
     }
 }
 
-/// `media.*.density`. It lives in world space; an instance's transform carries it along.
+/// `media.*.density`: what a medium's coefficients are multiplied by. It lives in world space; an instance's transform carries it along.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Density {
@@ -272,16 +273,16 @@ pub enum Density {
     },
     /// A grid of an OpenVDB file.
     Vdb {
-        /// The file.
+        /// The `.vdb` file.
         file: Located<PathBuf>,
         /// The name of the grid; `None`: the file's only grid, or else the one named `density`.
         grid: Option<Located<String>>,
         /// Applied after the grid's own transform.
         transform: DAffine3,
-        /// Between voxels.
+        /// The density between voxels.
         interpolation: Interpolation,
         /// What becomes of voxels below 0.
-        negative: Negative,
+        negative: NegativePolicy,
     },
     /// Cell-centred samples in a box: clamped to the outer samples inside it, 0 outside.
     Array {
@@ -292,7 +293,7 @@ pub enum Density {
         /// The upper corner, above `min` on every axis.
         max: DVec3,
     },
-    /// An atmosphere.
+    /// An atmosphere that thins out with height.
     Exponential(Exponential),
     /// Fractal noise, defined in all space; only what solids are filled with can have it.
     Noise(Noise),
@@ -327,26 +328,6 @@ impl Density {
             _ => None,
         }
     }
-}
-
-/// What a grid's value is between voxels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Interpolation {
-    /// Linear on each axis.
-    Trilinear,
-    /// That of the nearest voxel.
-    Nearest,
-}
-
-/// What becomes of negative voxels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Negative {
-    /// The file is refused.
-    Error,
-    /// They count as 0.
-    Zero,
 }
 
 /// `media.*.emission`: L_e, which is multiplied by σ_a.

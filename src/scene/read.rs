@@ -51,7 +51,7 @@ pub fn parse(text: &str, path: &Path, overrides: &[String]) -> Result<Descriptio
     description.map_err(|_| Error::Scene(format!("{}: cannot be read", path.display())))
 }
 
-/// What names mean in one scene file.
+/// What the names in one scene file refer to.
 struct Names<'a> {
     /// The folder that file names are relative to.
     folder: &'a Path,

@@ -17,7 +17,7 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Those of a scene file.
+    /// The settings that a scene file states or leaves at their defaults.
     pub fn of(description: &Description) -> Self {
         Settings {
             film: description.film.clone(),

@@ -56,14 +56,14 @@ pub enum StudyReference {
     Photon,
     /// Each variant's own limit on the common map.
     Own,
-    /// A file.
+    /// An image in a file.
     File(PathBuf),
 }
 
 /// A variant of a study.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StudyVariant {
-    /// Its name.
+    /// The variant's name.
     pub name: String,
     /// The built-in variant it starts from, if not the scene as it is.
     pub of: Option<String>,
@@ -75,7 +75,7 @@ pub struct StudyVariant {
     pub tune: Option<String>,
     /// The variant whose time it gets.
     pub time: Option<String>,
-    /// What its own limit has besides.
+    /// Keys of the scene to replace besides for the variant's own limit, with values of TOML.
     pub limit: Option<Vec<(String, String)>>,
 }
 

@@ -39,6 +39,7 @@ impl Problems {
     const KEPT: usize = 100;
     const SHOWN: usize = 20;
 
+    /// Notes a problem with what stands at `place`.
     pub(super) fn note(&self, place: Place, message: impl Display) -> Noted {
         self.push(Problem { message: message.to_string(), missing: false, place })
     }
@@ -85,18 +86,22 @@ pub(super) struct Item<'a> {
 }
 
 impl<'a> Item<'a> {
+    /// The whole of a scene file.
     pub(super) fn root(node: &'a Node, problems: &'a Problems) -> Self {
         Item { node, key: String::new(), problems }
     }
 
+    /// Where the value stands.
     pub(super) fn place(&self) -> Place {
         Place { source: self.node.source.clone(), key: self.key.as_str().into() }
     }
 
+    /// `value`, which was said here.
     pub(super) fn at<T>(&self, value: T) -> Located<T> {
         Located { value, place: self.place() }
     }
 
+    /// Notes a problem with this value.
     pub(super) fn fail(&self, message: impl Display) -> Noted {
         self.problems.note(self.place(), message)
     }
@@ -106,14 +111,17 @@ impl<'a> Item<'a> {
         self.problems.note(place.clone(), message)
     }
 
+    /// Notes that something else was expected than was found.
     pub(super) fn expected(&self, expected: impl Display) -> Noted {
         self.fail(format!("found {}; expected {expected}", found(&self.node.value)))
     }
 
+    /// Notes that this asks for what is still to come; `what` ends in a verb.
     pub(super) fn unsupported(&self, what: impl Display) -> Noted {
         self.fail(format!("{what} not supported yet"))
     }
 
+    /// A table, none of whose keys has been asked for.
     pub(super) fn table(&self) -> Read<Table<'a>> {
         match &self.node.value {
             Value::Table(entries) => Ok(Table { item: self.clone(), entries, known: RefCell::default() }),
@@ -171,6 +179,7 @@ impl<'a> Item<'a> {
         Ok(self.at(folder.join(text)))
     }
 
+    /// A finite number that is accepted; `expected` says which are.
     fn number_where(&self, expected: &str, accepts: impl Fn(f64) -> bool) -> Read<f64> {
         match self.any_number() {
             Some(number) if number.is_finite() && accepts(number) => Ok(number),
@@ -337,6 +346,7 @@ pub(super) struct Table<'a> {
 }
 
 impl<'a> Table<'a> {
+    /// Where the table stands.
     pub(super) fn place(&self) -> Place {
         self.item.place()
     }
@@ -357,19 +367,23 @@ impl<'a> Table<'a> {
         Item { node: &entry.node, key: join(&self.item.key, &entry.key), problems: self.item.problems }
     }
 
+    /// The item under `key`, if there is one; the key counts as asked for.
     pub(super) fn find(&self, key: &'static str) -> Option<Item<'a>> {
         self.known.borrow_mut().push(key);
         self.entries.iter().find(|entry| entry.key == key).map(|entry| self.item_of(entry))
     }
 
+    /// What `read` makes of the item under `key`, if there is one.
     pub(super) fn get<T>(&self, key: &'static str, read: impl FnOnce(&Item<'a>) -> Read<T>) -> Read<Option<T>> {
         self.find(key).map(|item| read(&item)).transpose()
     }
 
+    /// What `read` makes of the item under `key`; `default` if there is none.
     pub(super) fn get_or<T>(&self, key: &'static str, default: T, read: impl FnOnce(&Item<'a>) -> Read<T>) -> Read<T> {
         Ok(self.get(key, read)?.unwrap_or(default))
     }
 
+    /// What `read` makes of the item under `key`, which must be there.
     pub(super) fn require<T>(&self, key: &'static str, read: impl FnOnce(&Item<'a>) -> Read<T>) -> Read<T> {
         self.get(key, read)?.ok_or_else(|| self.missing(key, "is missing"))
     }
@@ -390,6 +404,7 @@ impl<'a> Table<'a> {
         Ok(self.get(key, Item::table)?.unwrap_or_else(missing))
     }
 
+    /// Notes a problem with the table as a whole.
     pub(super) fn fail(&self, message: impl Display) -> Noted {
         self.item.fail(message)
     }

@@ -37,18 +37,18 @@ pub struct Scene {
     pub surroundings: Surroundings,
     /// The scene's middle in the file's coordinates, which is the origin here.
     pub center: DVec3,
-    /// What the user should know.
+    /// What the user should know of the scene, each message complete.
     pub warnings: Vec<String>,
 }
 
 /// What a placed shape is made of.
 #[derive(Clone, Copy, Debug)]
 pub struct Surface {
-    /// What its boundary does with light.
+    /// What the shape's boundary does with light.
     pub material: Material,
-    /// The solid it bounds: an index into [`Scene::solids`].
+    /// The solid that the shape bounds: an index into [`Scene::solids`].
     pub solid: Option<u32>,
-    /// Its light: an index into [`Scene::lights`].
+    /// The light that the shape is: an index into [`Scene::lights`].
     pub light: Option<u32>,
 }
 
@@ -86,7 +86,7 @@ impl Clone for Inside {
 }
 
 impl Inside {
-    /// From the solids, in any order.
+    /// The set of these solids, given in any order.
     pub fn of(solids: impl IntoIterator<Item = u32>) -> Self {
         let mut solids: SmallVec<[u32; 6]> = solids.into_iter().collect();
         solids.sort_unstable_by(|a, b| b.cmp(a));

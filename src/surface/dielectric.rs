@@ -1,25 +1,33 @@
+use super::Material;
 use crate::math::{DVec3, Rgb, Stream, shares};
 
 /// A boundary that reflects and refracts by Fresnel's equations.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Dielectric {
-    /// The absolute index of refraction inside, per channel.
+    /// The absolute index of refraction inside, by channel and above 0. Scene files call it `ior`.
+    #[serde(rename = "ior")]
     pub index: Rgb,
-    /// GGX's α: see [`Rough`](super::Rough); 0 is smooth.
+    /// GGX's α, in \[0, 1\]: see [`Rough`](super::Rough); 0 is smooth.
     pub roughness: f64,
+}
+
+impl From<Dielectric> for Material {
+    fn from(material: Dielectric) -> Material {
+        Material::Dielectric(material)
+    }
 }
 
 /// Where light goes on from a refracting boundary.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lobe {
-    /// Back.
+    /// Back from the boundary.
     Reflected,
-    /// Through.
+    /// Through the boundary.
     Refracted,
 }
 
 impl Lobe {
-    /// The one that this is not.
+    /// Refracted for reflected, and reflected for refracted.
     pub fn other(self) -> Lobe {
         match self {
             Lobe::Reflected => Lobe::Refracted,

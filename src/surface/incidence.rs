@@ -3,9 +3,9 @@ use crate::math::DVec3;
 /// Whether a walk carries the power of photons or the importance of an eye.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
-    /// Power, which refraction leaves alone.
+    /// Photons carry power, which refraction leaves alone.
     Light,
-    /// Radiance, which refraction from index η₁ into η₂ multiplies by (η₁/η₂)².
+    /// Eye paths bring radiance, which refraction from index η₁ into η₂ multiplies by (η₁/η₂)².
     Eye,
 }
 
@@ -21,7 +21,7 @@ pub struct Incidence {
 }
 
 impl Incidence {
-    /// Along the normal.
+    /// Travel straight against both normals.
     pub fn head_on() -> Self {
         Incidence { direction: -DVec3::Z, normal: DVec3::Z, shading_normal: DVec3::Z }
     }

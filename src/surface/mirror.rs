@@ -1,11 +1,17 @@
-use super::{Drawn, Incidence};
+use super::{Bsdf, Drawn, Incidence, Material};
 use crate::math::{DVec3, Rgb};
 
 /// Reflects specularly, on both sides.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Mirror {
-    /// The share of light that is reflected.
+    /// The share of light that is reflected, by channel in \[0, 1\].
     pub reflectance: Rgb,
+}
+
+impl From<Mirror> for Material {
+    fn from(material: Mirror) -> Material {
+        Material::Opaque(Bsdf::Mirror(material))
+    }
 }
 
 impl Mirror {

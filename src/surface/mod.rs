@@ -1,10 +1,12 @@
 //! What surfaces do with light: one file a material.
 //!
-//! A scene file names a [`Material`]. Where light meets it, it acts by a [`Bsdf`], which answers what everyone asks: its
-//! [`Nature`], its albedo, what goes [toward](Bsdf::toward) a direction (value and density), and where light goes
-//! [onward](Bsdf::onward) (a draw). What is drawn and what is said to be drawn agree: tests hold every kind to that.
+//! A scene file names a [`Material`], and so does its [description](crate::scene::Description). Where light meets it, it acts
+//! by a [`Bsdf`], which answers what everyone asks: its [`Nature`], its albedo, what goes [toward](Bsdf::toward) a direction
+//! (value and density), and where light goes [onward](Bsdf::onward) (a draw). What is drawn and what is said to be drawn
+//! agree: tests hold every kind to that.
 //!
-//! A new opaque material is one file, with `value` and `sample`, and its lines in [`Bsdf`] and in the reader of scene files.
+//! A new opaque material is one file, with its parameters, `value` and `sample`, and its lines where kinds are listed: in
+//! [`Bsdf`], and among the readers of scene files in `scene/read/materials.rs`.
 
 mod dielectric;
 mod fresnel;
@@ -29,17 +31,23 @@ pub use smooth::Smooth;
 use crate::math::{DVec3, Rgb, Stream};
 
 /// What a scene file says a surface is made of.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Material {
-    /// Reflects, and lets nothing pass.
-    Opaque(Bsdf),
-    /// A boundary between indices of refraction.
+    /// A closed boundary around another index of refraction.
     Dielectric(Dielectric),
-    /// No surface: light passes, only the medium changes.
+    /// No surface, but an index-matched boundary: light passes, only the medium changes.
     None,
+    /// Reflects, and lets nothing pass.
+    // Serialised as scene files say it: `lambert`, not `opaque.lambert`. Serde wants such a variant last.
+    #[serde(untagged)]
+    Opaque(Bsdf),
 }
 
 impl Material {
+    /// An opaque surface that reflects nothing.
+    pub const BLACK: Material = Material::Opaque(Bsdf::Lambert(Lambert { reflectance: Rgb::ZERO }));
+
     /// Whether light never passes through.
     pub fn is_opaque(&self) -> bool {
         matches!(self, Material::Opaque(_))
@@ -63,22 +71,23 @@ impl Material {
 }
 
 /// How a surface scatters light (its bidirectional scattering distribution function), where light meets it.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Bsdf {
-    /// Diffuse reflection.
+    /// Diffuse reflection, equal in all directions.
     Lambert(Lambert),
     /// Diffuse reflection by a rough surface.
     OrenNayar(OrenNayar),
     /// Specular reflection.
     Mirror(Mirror),
-    /// A smooth boundary between two indices of refraction.
+    /// A smooth boundary between two indices of refraction, where light meets a [`Dielectric`].
     Smooth(Smooth),
-    /// A rough boundary between two indices of refraction.
+    /// A rough boundary between two indices of refraction, where light meets a [`Dielectric`].
     Rough(Rough),
 }
 
 impl Bsdf {
-    /// How it spreads light.
+    /// How it spreads light over directions.
     pub fn nature(&self) -> Nature {
         match self {
             Bsdf::Lambert(_) | Bsdf::OrenNayar(_) => Nature::Diffuse,

@@ -1,5 +1,5 @@
-use super::lambert::cosine;
-use super::{Drawn, Incidence, Scattering};
+use super::lambert::{cosine, cosine_density};
+use super::{Bsdf, Drawn, Incidence, Material, Scattering};
 use crate::math::{DVec3, Rgb, Stream};
 use std::f64::consts::PI;
 
@@ -10,12 +10,18 @@ use std::f64::consts::PI;
 ///
 /// with α the larger and β the smaller of the angles to the normal. Light between grooves is left out, as in their
 /// formula: the albedo is ρ (A + B g(θ)), at most ρ, and 0.72 ρ or less for the roughest.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct OrenNayar {
-    /// ρ, the share of light that the walls of grooves reflect.
+    /// ρ, the share of light that the walls of grooves reflect, by channel in \[0, 1\].
     pub reflectance: Rgb,
-    /// σ in radians, at least 0; 0 is Lambert's surface.
+    /// σ in radians, in \[0, π/2\]; 0 is Lambert's surface.
     pub sigma: f64,
+}
+
+impl From<OrenNayar> for Material {
+    fn from(material: OrenNayar) -> Material {
+        Material::Opaque(Bsdf::OrenNayar(material))
+    }
 }
 
 impl OrenNayar {
@@ -36,16 +42,15 @@ impl OrenNayar {
 
     /// f cos θ with density cos θ/π.
     pub(super) fn value(&self, at: &Incidence, o: DVec3) -> Scattering {
-        let density = at.shading_normal.dot(o).max(0.0) / PI;
+        let density = cosine_density(at.shading_normal, o);
         Scattering { value: self.reflectance * (self.relative(at, o) * density), ahead: Rgb::splat(density) }
     }
 
     /// A direction drawn in proportion to the cosine.
     pub(super) fn sample(&self, at: &Incidence, stream: &mut Stream) -> Drawn {
         let normal = at.shading_normal;
-        let direction = cosine(normal, stream);
-        let factor = self.reflectance * self.relative(at, direction);
-        Drawn { direction, normal, factor, density: normal.dot(direction).max(0.0) / PI }
+        let (direction, density) = cosine(normal, stream);
+        Drawn { direction, normal, factor: self.reflectance * self.relative(at, direction), density }
     }
 
     /// ∫ f cos θ_o dω_o = ρ (A + B g), g = 2/π (sin θ (θ − sin θ cos θ)/2 + tan θ (1 − sin³ θ)/3), with θ the angle of

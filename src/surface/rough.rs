@@ -15,27 +15,14 @@ use crate::math::{DVec3, Frame, Rgb, Stream};
 /// and all orders together lose nothing and are reciprocal: every order is a product of 1/((1 + Λ) |cos θ|) for each
 /// direction on the way, the same both ways (after Heitz, Hanika, d'Eon and Dachsbacher 2016, with heights that are
 /// forgotten from one facet to the next).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Rough {
     /// The index of refraction on the side of arrival, by channel.
     pub from: Rgb,
-    /// Beyond.
+    /// The index of refraction beyond the boundary, by channel.
     pub to: Rgb,
-    /// α, above 0.
+    /// α, above 0 and at most 1.
     pub alpha: f64,
-}
-
-/// Where facets send light, as power.
-#[derive(Clone, Copy, Debug)]
-struct Leaving {
-    /// The unit direction of travel.
-    direction: DVec3,
-    /// The density per steradian with which the last facet sends there what came to it as this light did, and was to take the
-    /// lobe that was given, if one was; 0 if there is none: then nothing else can find this light.
-    density: f64,
-    /// How many facets were met.
-    #[cfg_attr(not(test), allow(dead_code, reason = "tests tell single facets from several"))]
-    facets: u32,
 }
 
 /// What no facet sends.
@@ -92,9 +79,9 @@ impl Rough {
         weight: &mut Rgb,
         stream: &mut Stream,
     ) -> Option<Onward> {
-        let Leaving { direction, density, .. } = self.sample(at.direction, at.shading_normal, lobe, weight, stream)?;
-        *weight *= self.scale(at, direction, side)?;
-        Some(Onward { direction, density })
+        let (onward, _) = self.sample(at.direction, at.shading_normal, lobe, weight, stream)?;
+        *weight *= self.scale(at, onward.direction, side)?;
+        Some(onward)
     }
 
     /// By what power that leaves along `o` is multiplied: Veach's correction for light, and for eyes (η₁/η₂)² if that is through
@@ -108,6 +95,9 @@ impl Rough {
 
     /// Draws where light goes on that travels along `direction`, against the unit `normal`, and weights `weight`
     /// for it, as power: refraction does not change it. `lobe` says what the first facet does, or leaves it to chance.
+    /// The density is that with which the last facet sends there what came to it as this light did, and was to take the lobe
+    /// that was given, if one was; 0 if there is none: then nothing else can find this light. With it comes the number of
+    /// facets that were met.
     fn sample(
         &self,
         direction: DVec3,
@@ -115,7 +105,7 @@ impl Rough {
         lobe: Option<Lobe>,
         weight: &mut Rgb,
         stream: &mut Stream,
-    ) -> Option<Leaving> {
+    ) -> Option<(Onward, u32)> {
         let frame = Frame::around(normal);
         let mut visit = self.arrive(frame.to_local(direction));
         for facets in 1..=MOST_FACETS {
@@ -126,7 +116,7 @@ impl Rough {
                 let by_channel = self.sends(&arriving, leaving, lobe.is_some()).ahead;
                 // Where the channels part, all but one have no weight; else they have one density.
                 let density = (0..3).filter(|&c| weight[c] > 0.0).map(|c| by_channel[c]).fold(0.0, f64::max);
-                return Some(Leaving { direction: frame.to_world(leaving).normalize(), density, facets });
+                return Some((Onward { direction: frame.to_world(leaving).normalize(), density }, facets));
             }
         }
         None
@@ -325,10 +315,10 @@ mod tests {
             let mut single = 0;
             for _ in 0..N {
                 let mut weight = Rgb::ONE;
-                let leaving =
+                let (leaving, facets) =
                     boundary.sample(direction, DVec3::Z, None, &mut weight, &mut stream).expect("nothing is lost");
                 assert!((weight - Rgb::ONE).abs().max_element() < 1e-12, "{weight}");
-                if leaving.facets == 1 {
+                if facets == 1 {
                     single += 1;
                     let o = leaving.direction;
                     let row = ((0.5 * (o.z + 1.0)) * COS as f64) as usize;
@@ -397,7 +387,7 @@ mod tests {
                 for &lobe in lobes {
                     let mut weight = Rgb::ONE;
                     let drawn = boundary.sample(direction, DVec3::Z, lobe, &mut weight, &mut stream);
-                    let Some(drawn) = drawn.filter(|drawn| drawn.facets >= least) else { continue };
+                    let Some((drawn, _)) = drawn.filter(|(_, facets)| *facets >= least) else { continue };
                     for c in 0..3 {
                         found[c][bin(drawn.direction)][0] += weight[c];
                         found[c][bin(drawn.direction)][2] += weight[c] * drawn.density / (drawn.density + uniform);
@@ -451,7 +441,7 @@ mod tests {
                         let mut weight = Rgb::ONE;
                         let leaving = boundary.sample(slanted(sin), DVec3::Z, lobe, &mut weight, &mut stream);
                         // Nothing is refracted where reflection is total.
-                        let Some(Leaving { direction, .. }) = leaving else { continue };
+                        let Some((Onward { direction, .. }, _)) = leaving else { continue };
                         let below = usize::from(direction.z < 0.0);
                         found[2 * below] += weight.x;
                         found[2 * below + 1] += weight.x * direction.x;
@@ -506,10 +496,10 @@ mod tests {
                 let cos = (lit.0 + (lit.1 - lit.0) * stream.uniform()).sqrt();
                 let mut weight = Rgb::ONE;
                 let direction = -crate::math::sampling::direction(cos, stream.uniform());
-                let leaving =
+                let (leaving, facets) =
                     boundary.sample(direction, DVec3::Z, None, &mut weight, &mut stream).expect("nothing is lost");
                 let (cos2, z) = (leaving.direction.z.powi(2), leaving.direction.z);
-                met += u32::from(z < 0.0 && leaving.facets > 1 && cos2 >= seen.0 && cos2 < seen.1);
+                met += u32::from(z < 0.0 && facets > 1 && cos2 >= seen.0 && cos2 < seen.1);
             }
             let share = f64::from(met) / N as f64;
             (share * (lit.1 - lit.0) * from * from, share.sqrt() / (N as f64).sqrt() * (lit.1 - lit.0) * from * from)

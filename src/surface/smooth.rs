@@ -3,11 +3,11 @@ use super::{Boundary, Dielectric, Incidence, Lobe, Onward, Side, Straight, refle
 use crate::math::{DVec3, Rgb, Stream};
 
 /// A smooth boundary between two indices of refraction, met from one side.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Smooth {
     /// The index of refraction on the side of arrival, by channel.
     pub from: Rgb,
-    /// The index beyond.
+    /// The index of refraction beyond the boundary, by channel.
     pub to: Rgb,
 }
 

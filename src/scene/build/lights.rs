@@ -6,10 +6,10 @@ use super::{Builder, Part, Shine};
 use crate::geometry::{Disk, Placed, Shape, Sphere};
 use crate::image;
 use crate::light::{self, Directional, Directivity, Environment, Light, Point, Sides, SoftCone, Spot};
-use crate::math::{DAffine3, Rgb};
+use crate::math::DAffine3;
 use crate::scene::Surface;
 use crate::scene::description::{self as said, LightKind};
-use crate::surface::{Bsdf, Lambert, Material};
+use crate::surface::Material;
 use crate::{Error, Result};
 
 impl Builder<'_> {
@@ -17,7 +17,6 @@ impl Builder<'_> {
     pub(super) fn place_lights(&mut self) -> Result<()> {
         let description = self.description;
         for said in &description.lights {
-            let black = Material::Opaque(Bsdf::Lambert(Lambert { reflectance: Rgb::ZERO }));
             let fail = |error: Error| said.place.error(error);
             match &said.kind {
                 LightKind::Point { position, intensity, radius } => {
@@ -28,7 +27,7 @@ impl Builder<'_> {
                     if *radius > 0.0 {
                         let sphere = Sphere::new(position, *radius).map_err(fail)?;
                         let power = Shine::Power(4.0 * std::f64::consts::PI * *intensity, Sides::Out);
-                        self.lamp(Shape::Sphere(sphere), black, power).map_err(fail)?;
+                        self.lamp(Shape::Sphere(sphere), Material::BLACK, power).map_err(fail)?;
                     } else {
                         self.lights.push(Light::Point(Point { position, intensity: *intensity }));
                     }

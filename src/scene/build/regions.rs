@@ -4,7 +4,6 @@ use std::collections::HashMap;
 
 use crate::light::{Light, Surroundings};
 use crate::math::{Bounds, Rgb};
-use crate::medium::density::Density;
 use crate::scene::{Scene, Solid};
 
 /// Numbers the regions: solids with the same medium and index that touch share one, as does the world.
@@ -59,8 +58,8 @@ pub(super) fn surroundings(scene: &Scene) -> Surroundings {
         let support = medium.density.support();
         if support.size().is_finite() {
             bounds = bounds.union(support);
-        } else if let Density::Exponential(air) = &medium.density {
-            let extinction = medium.extinction.element_sum() / 3.0 * air.value;
+        } else if !medium.density.is_endless() {
+            let extinction = medium.extinction.element_sum() / 3.0 * medium.density.max();
             if extinction > 0.0 {
                 margin = FREE_PATHS / extinction;
             }
@@ -77,12 +76,7 @@ const FREE_PATHS: f64 = 8.0;
 pub(super) fn darken_infinity(scene: &mut Scene) {
     let Some(world) = scene.world else { return };
     let medium = &scene.media[world as usize];
-    let endless = match &medium.density {
-        Density::Uniform => true,
-        Density::Exponential(_) => false,
-        Density::Grid(grid) => grid.voxels().background() > 0.0 && !grid.support().size().is_finite(),
-    };
-    if !endless || medium.extinction.max_element() <= 0.0 {
+    if !medium.density.is_endless() || medium.extinction.max_element() <= 0.0 {
         return;
     }
     let passes = medium.extinction.map(|sigma| if sigma > 0.0 { 0.0 } else { 1.0 });

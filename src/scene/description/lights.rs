@@ -7,14 +7,14 @@ use serde::Serialize;
 use super::{Located, Place};
 use crate::math::{DVec3, Rgb};
 
-/// `[[lights]]`
+/// `[[lights]]`: a light that is no shape's.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Light {
     /// What overrides and messages call it.
     pub name: Option<String>,
-    /// What it is.
+    /// Which kind of light it is, with what is said of it.
     pub kind: LightKind,
-    /// Where it is described.
+    /// Where the light is described.
     #[serde(skip)]
     pub place: Place,
 }
@@ -25,35 +25,35 @@ pub struct Light {
 pub enum LightKind {
     /// One intensity in every direction, from a point or a small sphere.
     Point {
-        /// Where it is.
+        /// Where the light stands.
         position: DVec3,
-        /// In W/sr; power/4π where a power was given.
+        /// The intensity in W/sr; power/4π where a power was given.
         intensity: Rgb,
-        /// Above 0, a sphere of the same power.
+        /// The radius of a sphere that sends out the same power; 0: a point.
         radius: f64,
     },
     /// A cone with a soft edge.
     Spot {
-        /// Where it is.
+        /// Where the light stands.
         position: DVec3,
         /// The unit vector towards its target.
         direction: DVec3,
-        /// In W/sr on the axis; computed from the power where one was given.
+        /// The intensity on the axis in W/sr; computed from the power where one was given.
         intensity: Rgb,
-        /// The half-angle within which it is full, in degrees, at most `outer_angle`.
+        /// The half-angle of the cone within which the intensity is full, in degrees, at most `outer_angle`.
         inner_angle: f64,
-        /// The half-angle outside of which it is dark, in degrees, in (0, 90].
+        /// The half-angle of the cone outside of which it is dark, in degrees, in (0, 90\].
         outer_angle: f64,
-        /// Above 0, a disc facing the target with the same intensity far away.
+        /// The radius of a disc facing the target with the same intensity far away; 0: a point.
         radius: f64,
     },
     /// Parallel light, or nearly so.
     Directional {
         /// The unit direction of travel.
         direction: DVec3,
-        /// In W/unit² on a plane that faces it.
+        /// The irradiance of a plane that faces it, in W/unit².
         irradiance: Rgb,
-        /// The apparent diameter in degrees, in [0, 180).
+        /// The light's apparent diameter in degrees, in \[0, 180).
         angle: f64,
         /// The round beam it is restricted to; `None`: unbounded.
         beam: Option<Beam>,

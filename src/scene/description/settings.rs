@@ -43,7 +43,7 @@ pub enum ToneMap {
     Filmic,
 }
 
-/// `[render]`
+/// `[render]`: the method, and how much work it does.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Render {
     /// How the image is computed.
@@ -68,7 +68,7 @@ pub enum Method {
     Path,
 }
 
-/// `[photons]`
+/// `[photons]`: how many photons are traced and kept.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Photons {
     /// About how many photons the volume map should hold, at least 1; `None`: chosen from the scene.
@@ -122,7 +122,7 @@ pub enum Profile {
     Biweight,
 }
 
-/// `[volume] march`
+/// `volume.march`: how rays are stepped through.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct March {
     /// How long steps are.

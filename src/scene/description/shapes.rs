@@ -5,53 +5,23 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::{Located, Place};
+use crate::light::Sides;
 use crate::math::{DAffine3, DVec2, DVec3, Rgb};
+use crate::surface;
 
-/// `[materials.*]`
+/// `[materials.*]`: what shapes are made of.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Material {
-    /// Its key under `[materials]`.
+    /// The material's key under `[materials]`.
     pub name: String,
-    /// What it does with light.
-    pub kind: MaterialKind,
-    /// Where it is described; for a default, the first shape that needs it.
+    /// Which kind of material it is, with what is said of it.
+    pub kind: surface::Material,
+    /// Where the material is described; for a default, the first shape that needs it.
     #[serde(skip)]
     pub place: Place,
 }
 
-/// The kinds of material.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum MaterialKind {
-    /// Diffuse reflection on both sides.
-    Lambert {
-        /// In \[0, 1\].
-        reflectance: Rgb,
-    },
-    /// Diffuse reflection by a rough surface, on both sides.
-    OrenNayar {
-        /// In \[0, 1\].
-        reflectance: Rgb,
-        /// The standard deviation of its slopes in radians, in \[0, π/2\].
-        sigma: f64,
-    },
-    /// Perfectly specular reflection on both sides.
-    Mirror {
-        /// In \[0, 1\].
-        reflectance: Rgb,
-    },
-    /// A refracting boundary.
-    Dielectric {
-        /// The absolute index of refraction by channel, above 0.
-        ior: Rgb,
-        /// GGX's α, in \[0, 1\]; 0 is smooth.
-        roughness: f64,
-    },
-    /// An index-matched boundary: light passes, only the medium changes.
-    None,
-}
-
-/// `[[shapes]]`
+/// `[[shapes]]`: a surface, and what fills it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Shape {
     /// What instances and overrides call it; no two shapes share a name.
@@ -73,7 +43,7 @@ pub struct Shape {
     pub emission: Option<ShapeEmission>,
     /// False for what is only a template of instances.
     pub visible: bool,
-    /// Where it is described.
+    /// Where the shape is described.
     #[serde(skip)]
     pub place: Place,
 }
@@ -84,9 +54,9 @@ pub struct Shape {
 pub enum ShapeKind {
     /// A sphere.
     Sphere {
-        /// Its centre.
+        /// The sphere's centre.
         center: DVec3,
-        /// Above 0.
+        /// The sphere's radius, above 0.
         radius: f64,
     },
     /// A box with faces across the axes.
@@ -98,7 +68,7 @@ pub enum ShapeKind {
     },
     /// A parallelogram; out is `edge_u` × `edge_v`.
     Quad {
-        /// A corner.
+        /// One of the parallelogram's corners.
         origin: DVec3,
         /// From `origin` along one edge.
         edge_u: DVec3,
@@ -107,11 +77,11 @@ pub enum ShapeKind {
     },
     /// A flat disk.
     Disk {
-        /// Its centre.
+        /// The disk's centre.
         center: DVec3,
-        /// Out; of unit length.
+        /// The unit normal, which points out.
         normal: DVec3,
-        /// Above 0.
+        /// The disk's radius, above 0.
         radius: f64,
     },
     /// A round cylinder.
@@ -120,7 +90,7 @@ pub enum ShapeKind {
         base: DVec3,
         /// The centre of the other end; differs from `base`.
         top: DVec3,
-        /// Above 0.
+        /// The cylinder's radius, above 0.
         radius: f64,
         /// Whether the ends are closed.
         caps: bool,
@@ -149,14 +119,14 @@ pub enum ShapeKind {
     },
 }
 
-/// `shapes.*.emission`
+/// `shapes.*.emission`: the light that a shape sends out.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ShapeEmission {
-    /// How much.
+    /// How strong the light is.
     pub strength: Strength,
-    /// From which side.
-    pub side: Side,
-    /// Where it is described.
+    /// The sides of the surface that it leaves from.
+    pub side: Sides,
+    /// Where the emission is described.
     #[serde(skip)]
     pub place: Place,
 }
@@ -170,16 +140,4 @@ pub enum Strength {
     /// The power in W over all emitting sides; radiance is power/(π A), A the emitting area after the
     /// transform, each instance anew.
     Power(Rgb),
-}
-
-/// The sides of a surface that emit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Side {
-    /// Away from the inside.
-    Out,
-    /// Towards the inside.
-    In,
-    /// Either way; the emitting area is twice the surface's.
-    Both,
 }

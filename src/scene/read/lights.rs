@@ -16,32 +16,16 @@ pub(super) fn lights(items: &[Item], names: &Names) -> Read<Vec<Light>> {
     })
 }
 
+/// The keys of the light's own type; they are the last to be read.
 fn kind(table: &Table, names: &Names) -> Read<LightKind> {
-    #[derive(Clone, Copy)]
-    enum Kind {
-        Point,
-        Spot,
-        Directional,
-        Environment,
-    }
-    let kind = table.require("type", |item| {
-        let kinds = [
-            ("point", Kind::Point),
-            ("spot", Kind::Spot),
-            ("directional", Kind::Directional),
-            ("environment", Kind::Environment),
-        ];
-        item.choice(&kinds, &[])
-    })?;
-    match kind {
-        Kind::Point => point(table),
-        Kind::Spot => spot(table),
-        Kind::Directional => directional(table),
-        Kind::Environment => environment(table, names),
-    }
+    type Reader = fn(&Table, &Names) -> Read<LightKind>;
+    let kinds: [(&str, Reader); 4] =
+        [("point", point), ("spot", spot), ("directional", directional), ("environment", environment)];
+    let read = table.require("type", |item| item.choice(&kinds, &[]))?;
+    read(table, names)
 }
 
-fn point(table: &Table) -> Read<LightKind> {
+fn point(table: &Table, _: &Names) -> Read<LightKind> {
     let position = table.require("position", Item::vector);
     let strength = either(table, ("intensity", Item::colour), ("power", Item::colour));
     let radius = table.get_or("radius", 0.0, Item::length_or_zero);
@@ -57,7 +41,7 @@ fn intensity(strength: Either<Rgb, Rgb>, angle: f64) -> Rgb {
     }
 }
 
-fn spot(table: &Table) -> Read<LightKind> {
+fn spot(table: &Table, _: &Names) -> Read<LightKind> {
     // A cone as lamps have it, with an edge of a few degrees.
     const OUTER_ANGLE: f64 = 30.0;
     const EDGE: f64 = 5.0;
@@ -91,7 +75,7 @@ fn spot(table: &Table) -> Read<LightKind> {
     Ok(LightKind::Spot { position, direction, intensity, inner_angle, outer_angle, radius: radius? })
 }
 
-fn directional(table: &Table) -> Read<LightKind> {
+fn directional(table: &Table, _: &Names) -> Read<LightKind> {
     let direction = table.require("direction", Item::direction);
     let irradiance = table.require("irradiance", Item::colour);
     let angle = table.get_or("angle", 0.0, |item| item.half_open(0.0, 180.0));

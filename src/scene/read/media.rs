@@ -2,10 +2,11 @@
 
 use super::{Either, Names, all, either, transform::transform};
 use crate::math::{DAffine3, DVec3, Rgb};
+use crate::medium::density::bricks::{Interpolation, NegativePolicy};
 use crate::medium::density::{Exponential, Noise};
 use crate::medium::phase::{HenyeyGreenstein, Isotropic, LARGEST_DIAMETER, Mixture, Phase, Rayleigh, Schlick, mie};
 use crate::medium::presets::PRESETS;
-use crate::scene::description::{Density, Interpolation, Medium, MediumEmission, Negative, Unit};
+use crate::scene::description::{Density, Medium, MediumEmission, Unit};
 use crate::scene::table::{Item, Read, Table};
 
 pub(super) fn medium(name: &str, item: &Item, names: &Names, scene_unit: Unit) -> Read<Medium> {
@@ -138,8 +139,8 @@ fn vdb(table: &Table, names: &Names) -> Read<Density> {
         let options = [("trilinear", Interpolation::Trilinear), ("nearest", Interpolation::Nearest)];
         item.choice(&options, &[])
     });
-    let negative = table.get_or("negative", Negative::Error, |item| {
-        item.choice(&[("error", Negative::Error), ("zero", Negative::Zero)], &[])
+    let negative = table.get_or("negative", NegativePolicy::Error, |item| {
+        item.choice(&[("error", NegativePolicy::Error), ("zero", NegativePolicy::Zero)], &[])
     });
     table.finish()?;
     Ok(Density::Vdb {

@@ -6,9 +6,11 @@ use super::materials::NONE;
 use super::transform::{NOT_INVERTIBLE, is_invertible, transform};
 use super::{Either, Names, all, either};
 use crate::geometry::Lathe;
-use crate::math::{DAffine3, DVec2, Rgb};
-use crate::scene::description::{Located, Material, MaterialKind, Shape, ShapeEmission, ShapeKind, Side, Strength};
+use crate::light::Sides;
+use crate::math::{DAffine3, DVec2};
+use crate::scene::description::{Located, Material, Shape, ShapeEmission, ShapeKind, Strength};
 use crate::scene::table::{Item, Noted, Read, Table, name_of, unit};
+use crate::surface;
 
 /// A shape as its own table has it: an instance's missing keys are not filled in yet.
 pub(super) struct Draft<'a> {
@@ -90,8 +92,8 @@ fn material_reference(item: &Item, names: &Names) -> Read<MaterialReference> {
 
 fn emission(table: &Table) -> Read<ShapeEmission> {
     let strength = either(table, ("radiance", Item::colour), ("power", Item::colour));
-    let side = table.get_or("side", Side::Out, |item| {
-        item.choice(&[("out", Side::Out), ("in", Side::In), ("both", Side::Both)], &[])
+    let side = table.get_or("side", Sides::Out, |item| {
+        item.choice(&[("out", Sides::Out), ("in", Sides::In), ("both", Sides::Both)], &[])
     });
     table.finish()?;
     let strength = match strength? {
@@ -103,105 +105,100 @@ fn emission(table: &Table) -> Read<ShapeEmission> {
 
 /// The keys of the shape's own type; they are the last to be read.
 fn kind(table: &Table, names: &Names, shapes: &ShapeNames) -> Read<ShapeKind> {
-    #[derive(Clone, Copy)]
-    enum Kind {
-        Sphere,
-        Box,
-        Quad,
-        Disk,
-        Cylinder,
-        Lathe,
-        Mesh,
-        Instance,
+    type Reader = fn(&Table, &Names, &ShapeNames) -> Read<ShapeKind>;
+    let kinds: [(&str, Reader); 8] = [
+        ("sphere", sphere),
+        ("box", cuboid),
+        ("quad", quad),
+        ("disk", disk),
+        ("cylinder", cylinder),
+        ("lathe", lathe),
+        ("mesh", mesh),
+        ("instance", instance),
+    ];
+    let read = table.require("type", |item| item.choice(&kinds, &[]))?;
+    read(table, names, shapes)
+}
+
+fn sphere(table: &Table, _: &Names, _: &ShapeNames) -> Read<ShapeKind> {
+    let center = table.require("center", Item::vector);
+    let radius = table.require("radius", Item::length);
+    table.finish()?;
+    Ok(ShapeKind::Sphere { center: center?, radius: radius? })
+}
+
+fn cuboid(table: &Table, _: &Names, _: &ShapeNames) -> Read<ShapeKind> {
+    let corners = super::corners(table);
+    table.finish()?;
+    let (min, max) = corners?;
+    Ok(ShapeKind::Box { min, max })
+}
+
+fn quad(table: &Table, _: &Names, _: &ShapeNames) -> Read<ShapeKind> {
+    let origin = table.require("origin", Item::vector);
+    let edge_u = table.require("edge_u", Item::nonzero_vector);
+    let edge_v = table.require("edge_v", Item::nonzero_vector);
+    table.finish()?;
+    let (edge_u, edge_v) = (edge_u?, edge_v?);
+    // Narrower parallelograms have no normal beyond rounding.
+    const PARALLEL: f64 = 1e-9;
+    let normal = unit(edge_u).zip(unit(edge_v)).map(|(u, v)| u.cross(v));
+    if normal.is_none_or(|normal| normal.length() < PARALLEL) {
+        return Err(table.fail_at("edge_v", format!("{edge_v} is parallel to `edge_u`, {edge_u}")));
     }
-    let kind = table.require("type", |item| {
-        let kinds = [
-            ("sphere", Kind::Sphere),
-            ("box", Kind::Box),
-            ("quad", Kind::Quad),
-            ("disk", Kind::Disk),
-            ("cylinder", Kind::Cylinder),
-            ("lathe", Kind::Lathe),
-            ("mesh", Kind::Mesh),
-            ("instance", Kind::Instance),
-        ];
-        item.choice(&kinds, &[])
-    })?;
-    match kind {
-        Kind::Sphere => {
-            let center = table.require("center", Item::vector);
-            let radius = table.require("radius", Item::length);
-            table.finish()?;
-            Ok(ShapeKind::Sphere { center: center?, radius: radius? })
-        }
-        Kind::Box => {
-            let corners = super::corners(table);
-            table.finish()?;
-            let (min, max) = corners?;
-            Ok(ShapeKind::Box { min, max })
-        }
-        Kind::Quad => {
-            let origin = table.require("origin", Item::vector);
-            let edge_u = table.require("edge_u", Item::nonzero_vector);
-            let edge_v = table.require("edge_v", Item::nonzero_vector);
-            table.finish()?;
-            let (edge_u, edge_v) = (edge_u?, edge_v?);
-            // Narrower parallelograms have no normal beyond rounding.
-            const PARALLEL: f64 = 1e-9;
-            let normal = unit(edge_u).zip(unit(edge_v)).map(|(u, v)| u.cross(v));
-            if normal.is_none_or(|normal| normal.length() < PARALLEL) {
-                return Err(table.fail_at("edge_v", format!("{edge_v} is parallel to `edge_u`, {edge_u}")));
-            }
-            Ok(ShapeKind::Quad { origin: origin?, edge_u, edge_v })
-        }
-        Kind::Disk => {
-            let center = table.require("center", Item::vector);
-            let normal = table.require("normal", Item::direction);
-            let radius = table.require("radius", Item::length);
-            table.finish()?;
-            Ok(ShapeKind::Disk { center: center?, normal: normal?, radius: radius? })
-        }
-        Kind::Cylinder => {
-            let base = table.require("base", Item::vector);
-            let top = table.require("top", Item::vector);
-            let radius = table.require("radius", Item::length);
-            let caps = table.get_or("caps", true, Item::boolean);
-            table.finish()?;
-            let (base, top) = (base?, top?);
-            if base == top {
-                return Err(table.fail_at("top", format!("found {top}, the same point as `base`; expected another")));
-            }
-            Ok(ShapeKind::Cylinder { base, top, radius: radius?, caps: caps? })
-        }
-        Kind::Lathe => {
-            let profile = table.require("profile", |item| {
-                let points = item.array("a list of points, [[radius, height], …]")?;
-                if points.len() < 2 {
-                    return Err(item.fail(format!("found {} points; expected at least 2", points.len())));
-                }
-                all(&points, profile_point)
-            });
-            let segments = table.get("segments", |item| item.u32(3));
-            let crease = table.get_or("crease", 30.0, |item| item.within(0.0, 180.0));
-            table.finish()?;
-            Ok(ShapeKind::Lathe { profile: profile?, segments: segments?, crease: crease? })
-        }
-        Kind::Mesh => {
-            let file = table.require("file", |item| item.file(names.folder, &["obj", "obj.gz"]));
-            let smooth = table.get_or("smooth", true, Item::boolean);
-            table.finish()?;
-            Ok(ShapeKind::Mesh { file: file?, smooth: smooth? })
-        }
-        Kind::Instance => {
-            let of = table.require("of", |item| {
-                let name = item.string()?;
-                let index = shapes.indices.get(name).copied();
-                index.ok_or_else(|| item.unknown_name("shape", name, &shapes.all))
-            });
-            table.finish()?;
-            Ok(ShapeKind::Instance { of: of? })
-        }
+    Ok(ShapeKind::Quad { origin: origin?, edge_u, edge_v })
+}
+
+fn disk(table: &Table, _: &Names, _: &ShapeNames) -> Read<ShapeKind> {
+    let center = table.require("center", Item::vector);
+    let normal = table.require("normal", Item::direction);
+    let radius = table.require("radius", Item::length);
+    table.finish()?;
+    Ok(ShapeKind::Disk { center: center?, normal: normal?, radius: radius? })
+}
+
+fn cylinder(table: &Table, _: &Names, _: &ShapeNames) -> Read<ShapeKind> {
+    let base = table.require("base", Item::vector);
+    let top = table.require("top", Item::vector);
+    let radius = table.require("radius", Item::length);
+    let caps = table.get_or("caps", true, Item::boolean);
+    table.finish()?;
+    let (base, top) = (base?, top?);
+    if base == top {
+        return Err(table.fail_at("top", format!("found {top}, the same point as `base`; expected another")));
     }
+    Ok(ShapeKind::Cylinder { base, top, radius: radius?, caps: caps? })
+}
+
+fn lathe(table: &Table, _: &Names, _: &ShapeNames) -> Read<ShapeKind> {
+    let profile = table.require("profile", |item| {
+        let points = item.array("a list of points, [[radius, height], …]")?;
+        if points.len() < 2 {
+            return Err(item.fail(format!("found {} points; expected at least 2", points.len())));
+        }
+        all(&points, profile_point)
+    });
+    let segments = table.get("segments", |item| item.u32(3));
+    let crease = table.get_or("crease", 30.0, |item| item.within(0.0, 180.0));
+    table.finish()?;
+    Ok(ShapeKind::Lathe { profile: profile?, segments: segments?, crease: crease? })
+}
+
+fn mesh(table: &Table, names: &Names, _: &ShapeNames) -> Read<ShapeKind> {
+    let file = table.require("file", |item| item.file(names.folder, &["obj", "obj.gz"]));
+    let smooth = table.get_or("smooth", true, Item::boolean);
+    table.finish()?;
+    Ok(ShapeKind::Mesh { file: file?, smooth: smooth? })
+}
+
+fn instance(table: &Table, _: &Names, shapes: &ShapeNames) -> Read<ShapeKind> {
+    let of = table.require("of", |item| {
+        let name = item.string()?;
+        let index = shapes.indices.get(name).copied();
+        index.ok_or_else(|| item.unknown_name("shape", name, &shapes.all))
+    });
+    table.finish()?;
+    Ok(ShapeKind::Instance { of: of? })
 }
 
 /// `[radius, height]`
@@ -229,7 +226,7 @@ pub(super) fn finish(mut drafts: Vec<Draft>, materials: &mut Vec<Material>, name
     let mut sound = Ok(());
     let defined_none = names.materials.iter().position(|name| *name == NONE);
     for draft in &drafts {
-        let mut none = |draft| defined_none.unwrap_or_else(|| add(&mut none, NONE, MaterialKind::None, draft));
+        let mut none = |draft| defined_none.unwrap_or_else(|| add(&mut none, NONE, surface::Material::None, draft));
         let material = match &draft.material {
             Some(Located { value: MaterialReference::Index(index), place }) => {
                 Located { value: *index, place: place.clone() }
@@ -239,7 +236,7 @@ pub(super) fn finish(mut drafts: Vec<Draft>, materials: &mut Vec<Material>, name
             }
             None if draft.interior.is_some() || !draft.visible => draft.item.at(none(draft)),
             None if draft.emission.is_some() => {
-                draft.item.at(add(&mut black, "black", MaterialKind::Lambert { reflectance: Rgb::ZERO }, draft))
+                draft.item.at(add(&mut black, "black", surface::Material::BLACK, draft))
             }
             None => {
                 sound = Err(draft.item.fail("a shape without `interior` or `emission` needs a `material`"));
@@ -285,7 +282,7 @@ fn check_closed(item: &Item, shape: &Shape, root: &Shape, materials: &[Material]
         let message = format!("{open} is not closed, so it has no interior; expected a closed shape");
         return Err(item.fail_about(&interior.place, message));
     }
-    if matches!(materials[shape.material.value].kind, MaterialKind::Dielectric { .. }) {
+    if materials[shape.material.value].kind.index().is_some() {
         let message = format!("{open} is not closed; expected a closed shape for a dielectric, which has two sides");
         return Err(item.fail_about(&shape.material.place, message));
     }

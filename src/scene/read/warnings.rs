@@ -2,9 +2,9 @@
 
 use crate::math::Rgb;
 use crate::scene::description::{
-    Description, EnvironmentSource, Light, LightKind, MaterialKind, Medium, MediumEmission, Method, Place, Shape,
-    Strength,
+    Description, EnvironmentSource, Light, LightKind, Medium, MediumEmission, Method, Place, Shape, Strength,
 };
+use crate::surface::{Material, Nature};
 
 pub(super) fn warnings(scene: &Description) -> Vec<String> {
     let mut warnings = Vec::new();
@@ -85,7 +85,7 @@ fn light_from_infinity(scene: &Description, warnings: &mut Vec<String>) {
 fn shapes_without_effect(scene: &Description, warnings: &mut Vec<String>) {
     let idle = |shape: &&Shape| {
         let material = scene.materials[shape.material.value].kind;
-        shape.visible && material == MaterialKind::None && shape.interior.is_none() && shape.emission.is_none()
+        shape.visible && material == Material::None && shape.interior.is_none() && shape.emission.is_none()
     };
     warn_of_some(
         scene.shapes.iter().filter(idle).map(|shape| &shape.place),
@@ -108,11 +108,7 @@ fn lights_without_size(scene: &Description, warnings: &mut Vec<String>) {
     if scene.render.method != Method::Path {
         return;
     }
-    let specular = |shape: &&Shape| match scene.materials[shape.material.value].kind {
-        MaterialKind::Mirror { .. } => shape.visible,
-        MaterialKind::Dielectric { ior, .. } => shape.visible && ior != Rgb::ONE,
-        _ => false,
-    };
+    let hides = |shape: &&Shape| shape.visible && hides_lights(scene.materials[shape.material.value].kind);
     let without_size = |light: &&Light| {
         let none = match light.kind {
             LightKind::Point { radius, .. } | LightKind::Spot { radius, .. } => radius == 0.0,
@@ -121,7 +117,7 @@ fn lights_without_size(scene: &Description, warnings: &mut Vec<String>) {
         };
         none && shines(light)
     };
-    let solids: Vec<&str> = scene.shapes.iter().filter(specular).map(|shape| shape.place.key()).collect();
+    let solids: Vec<&str> = scene.shapes.iter().filter(hides).map(|shape| shape.place.key()).collect();
     let lights: Vec<&str> = scene.lights.iter().filter(without_size).map(|light| light.place.key()).collect();
     if solids.is_empty() || lights.is_empty() {
         return;
@@ -132,6 +128,15 @@ fn lights_without_size(scene: &Description, warnings: &mut Vec<String>) {
         some(&lights),
         some(&solids),
     ));
+}
+
+/// Whether lights by way of this material are found only by hitting them.
+fn hides_lights(material: Material) -> bool {
+    match material {
+        Material::Opaque(bsdf) => bsdf.nature() == Nature::Specular,
+        Material::Dielectric(dielectric) => dielectric.index != Rgb::ONE,
+        Material::None => false,
+    }
 }
 
 fn some(names: &[&str]) -> String {

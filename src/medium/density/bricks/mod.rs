@@ -21,21 +21,21 @@ pub use walk::Cell;
 use crate::math::{Bounds, DVec3};
 use index::{Index, Range};
 
-/// What to do with negative voxels.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// What becomes of negative voxels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum NegativePolicy {
     /// The grid is refused.
-    #[default]
     Error,
     /// They count as 0.
     Zero,
 }
 
 /// The density between voxels.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Interpolation {
     /// Linear along each axis, continuous.
-    #[default]
     Trilinear,
     /// That of the nearest voxel: constant on cubes centred on voxels.
     Nearest,
