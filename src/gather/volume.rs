@@ -283,11 +283,3 @@ pub fn emitted(
         }
     }
 }
-
-impl Gathered {
-    /// Both parts in `f64`.
-    pub fn rgb(&self) -> (Rgb, Rgb) {
-        let wide = |rgb: [f32; 3]| Vec3::from_array(rgb).as_dvec3();
-        (wide(self.total), wide(self.single))
-    }
-}
