@@ -37,7 +37,7 @@ pub(super) struct Pruned {
 impl Pruned {
     const NEVER: Pruned = Pruned { end: f32::INFINITY, lift: [f32::NEG_INFINITY, 0.0] };
 
-    pub(super) fn new(pruning: Pruning, exponents: [f32; 3], start: f32) -> Self {
+    fn new(pruning: Pruning, exponents: [f32; 3], start: f32) -> Self {
         let depth = pruning.depth(exponents);
         if depth.is_infinite() {
             return Self::NEVER;
@@ -92,7 +92,7 @@ pub(super) struct Vector {
 }
 
 impl Vector {
-    pub(super) const EMPTY: Vector = {
+    const EMPTY: Vector = {
         let row = Row([0.0; LANES]);
         Vector { offset: [row; 2], slope: [row; 2], bend: row, start: row, end: row }
     };

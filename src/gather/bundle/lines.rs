@@ -14,9 +14,9 @@ use std::ops::Range;
 /// A cone, its spread growing from z = 0 in both directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Around {
-    pub(super) offset: [f32; 2],
-    pub(super) slope: [f32; 2],
-    pub(super) spread: f32,
+    offset: [f32; 2],
+    slope: [f32; 2],
+    spread: f32,
     pub(super) widening: f32,
 }
 
@@ -28,11 +28,11 @@ impl Around {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Line {
     /// Where its parameter is 0.
-    pub(super) origin: f64,
-    pub(super) offset: [f64; 2],
+    origin: f64,
+    offset: [f64; 2],
     pub(super) slope: [f64; 2],
-    pub(super) start: f64,
-    pub(super) end: f64,
+    start: f64,
+    end: f64,
     /// The cosine between ray and axis.
     pub(super) cos: f64,
 }
@@ -134,11 +134,11 @@ pub(super) fn bound(x: f64) -> f32 {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Towards {
     /// The sums of directions and of origins.
-    pub(super) direction: DVec3,
+    direction: DVec3,
     origins: DVec3,
-    pub(super) count: usize,
+    count: usize,
     /// The first one's origin, and whether it is that of all.
-    pub(super) origin: DVec3,
+    origin: DVec3,
     common: bool,
 }
 
@@ -252,10 +252,10 @@ impl Around {
 
 /// A cone in lanes.
 pub(super) struct AroundLanes<L> {
-    pub(super) offset: [L; 2],
-    pub(super) slope: [L; 2],
-    pub(super) spread: L,
-    pub(super) widening: L,
+    offset: [L; 2],
+    slope: [L; 2],
+    spread: L,
+    widening: L,
 }
 
 impl Around {
