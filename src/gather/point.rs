@@ -1,9 +1,10 @@
 //! The point query: the light scattered at one point, from the photons in a ball around it (Jensen 2001, §10.7;
 //! Jarosz et al. 2008, Eq. 3–4).
 
+use super::gathered::{GatherStats, Gathered, Sums};
 use super::march::{March, Marcher};
 use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Sum};
-use super::{GatherStats, Gathered, Reach};
+use super::segment::EyeSegment;
 use crate::math::{DVec3, Rgb, Stream, Vec3};
 use crate::medium::Medium;
 use crate::photon::kernel::{Biweight, Constant, Epanechnikov, Profile, Shape};
@@ -74,8 +75,7 @@ impl PointMap {
         };
         let inside = share(self.profile, &planes, radius);
         let factor = self.profile.ball_peak() / (f64::from(squared_radius) * f64::from(radius) * inside);
-        let scaled = |sums: [f64; 3]| sums.map(|sum| (sum * factor) as f32);
-        Gathered { total: scaled(sums.total), single: scaled(sums.single) }
+        sums.times(factor)
     }
 }
 
@@ -107,12 +107,6 @@ struct Found<'a> {
     squared_radius: f32,
     blocks: &'a [u32],
     planes: &'a [Plane],
-}
-
-/// Sums over a ball without the kernel's peak.
-struct Sums {
-    total: [f64; 3],
-    single: [f64; 3],
 }
 
 impl Found<'_> {
@@ -229,16 +223,17 @@ impl PointMaps {
         self.maps.iter().enumerate().filter_map(|(region, map)| Some((region as u32, map.as_ref()?)))
     }
 
-    /// Marches along a stretch: the light scattered once, and all other, as radiance at its start. `weight` is what light there counts, by channel; `walls` as for [`PointMap::gather`].
+    /// Marches along a segment: the light scattered once, and all other, as radiance at its start. `weight` is what
+    /// light there counts, by channel; `walls` as for [`PointMap::gather`].
     pub fn gather(
         &self,
-        (medium, reach, weight): (&Medium, &Reach, Rgb),
+        (medium, segment, weight): (&Medium, &EyeSegment, Rgb),
         walls: &impl Fn(Vec3, f32, &mut SmallVec<[Plane; 3]>),
         stream: &mut Stream,
         marching: &mut Marching,
         stats: &mut GatherStats,
     ) -> [Rgb; 2] {
-        let Reach { ray, a, b, region, .. } = *reach;
+        let EyeSegment { ray, a, b, region, .. } = *segment;
         let region = region as usize;
         let Some(map) = &self.maps[region] else { return Default::default() };
         let Some((first, last)) = map.bounds().clip(&ray, a, b) else { return Default::default() };
@@ -246,14 +241,14 @@ impl PointMaps {
             marching.memories.resize_with(region + 1, PointMemory::default);
         }
         let memory = &mut marching.memories[region];
-        let phase = &self.phases[reach.medium as usize];
+        let phase = &self.phases[segment.medium as usize];
         let mut source = |t: f64, _: &mut Stream| {
             let query =
-                PointQuery { position: ray.at(t), direction: ray.direction, phase, max_events: reach.max_events };
+                PointQuery { position: ray.at(t), direction: ray.direction, phase, max_events: segment.max_events };
             let (total, single) = map.gather(&query, walls, memory, stats).rgb();
             [total, single]
         };
-        let marcher = &self.marchers[reach.medium as usize];
+        let marcher = &self.marchers[segment.medium as usize];
         let line = (&ray, a, first, last);
         let [total, single] = marching.march.along(marcher, line, (medium, weight), stream, &mut source);
         [single, total - single]
@@ -486,7 +481,7 @@ mod tests {
                             1 => (DVec3::new(s, 0.3 * r - 1.0, -0.9), DVec3::Z, 1.8),
                             _ => (DVec3::new(0.0, 0.0, s), DVec3::new(1.0, 1.0, 0.0).normalize(), 2f64.sqrt()),
                         };
-                        let reach = Reach {
+                        let segment = EyeSegment {
                             ray: Ray::new(origin, direction),
                             a: 0.0,
                             b: length,
@@ -497,7 +492,7 @@ mod tests {
                         };
                         let mut stats = GatherStats::default();
                         let gathered =
-                            maps.gather((&medium, &reach, Rgb::ONE), &room, &mut stream, &mut marching, &mut stats);
+                            maps.gather((&medium, &segment, Rgb::ONE), &room, &mut stream, &mut marching, &mut stats);
                         assert!(stats.queries >= 3);
                         let [_, more] = gathered;
                         let expected = Rgb::from_array(

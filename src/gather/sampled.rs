@@ -20,7 +20,7 @@ pub(super) const VECTORS: usize = 4;
 /// Rays that gather together from one table, at most.
 pub(super) const GROUP: usize = VECTORS * LANES;
 
-/// The density integrated along rays from the beginnings of their stretches, at the multiples of one step of
+/// The density integrated along rays from the beginnings of their segments, at the multiples of one step of
 /// the ray's parameter.
 #[derive(Clone, Debug, Default)]
 pub struct SampledDepths {

@@ -3,8 +3,8 @@
 
 use super::beam::{Coloured, Found, Grey, Pruning, RayFrame, Slabs, Transmit, add_block, exponents};
 use super::bundle::Bundle;
+use super::gathered::{GatherStats, Gathered};
 use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, Sum};
-use super::{GatherStats, Gathered};
 use crate::math::DVec3;
 use crate::photon::discs::PhotonMap;
 use crate::photon::simd::{LANES, Lanes, Task, prefetch};

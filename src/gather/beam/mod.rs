@@ -22,5 +22,5 @@ mod transmittance;
 pub(super) use block::{Found, add_block};
 pub(super) use descent::{Descent, Meets};
 pub(super) use frame::{RayFrame, Slabs};
-pub use query::{BeamQuery, GatherStats, Gathered};
+pub use query::BeamQuery;
 pub(super) use transmittance::{Coloured, Grey, Pruning, Transmit, exponents};

@@ -1,12 +1,13 @@
-//! The beam query: what is asked, what is found, and what that costs.
+//! The beam query: what is asked, and how it is answered.
 
 use super::block::{Found, add_block};
 use super::descent::{Descent, Meets};
 use super::frame::{RayFrame, RayLanes, Slabs};
 use super::transmittance::{Coloured, Grey, Pruning, Tabulated, Transmit, exponents};
 use crate::gather::depth::DepthTable;
+use crate::gather::gathered::{GatherStats, Gathered, Sums};
 use crate::gather::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Sum};
-use crate::math::{DVec3, Rgb, Vec3};
+use crate::math::{DVec3, Vec3};
 use crate::photon::discs::PhotonMap;
 use crate::photon::simd::{Lanes, Task};
 use crate::photon::store::Node;
@@ -31,46 +32,6 @@ pub struct BeamQuery<'a> {
     /// A number in (0, 1] that decides, by Russian roulette, how far the query goes where hardly any light arrives
     /// from; `None` for all the way.
     pub pruning: Option<f32>,
-}
-
-/// What a beam query found.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Gathered {
-    /// Radiance at the segment's start.
-    pub total: [f32; 3],
-    /// The part from photons without events before their collision; 0 if the map is not tagged.
-    pub single: [f32; 3],
-}
-
-impl Gathered {
-    /// Both parts in `f64`.
-    pub fn rgb(&self) -> (Rgb, Rgb) {
-        let wide = |rgb: [f32; 3]| Vec3::from_array(rgb).as_dvec3();
-        (wide(self.total), wide(self.single))
-    }
-}
-
-/// What queries cost, summed.
-#[derive(Clone, Copy, Debug, Default, serde::Serialize, serde::Deserialize, PartialEq, Eq)]
-#[serde(default)]
-pub struct GatherStats {
-    /// Queries made.
-    pub queries: u64,
-    /// Nodes visited.
-    pub nodes: u64,
-    /// Blocks of sixteen photons tested.
-    pub blocks: u64,
-    /// Photons that contributed.
-    pub photons: u64,
-}
-
-impl std::ops::AddAssign for GatherStats {
-    fn add_assign(&mut self, other: Self) {
-        self.queries += other.queries;
-        self.nodes += other.nodes;
-        self.blocks += other.blocks;
-        self.photons += other.photons;
-    }
 }
 
 impl PhotonMap {
@@ -123,8 +84,7 @@ impl PhotonMap {
     ) -> Gathered {
         let constant = phase.constant();
         let sums = self.isa.run(Gather { map: self, query, pruning, phase, transmittance, stats });
-        let scaled = |sum: [f64; 3]| sum.map(|x| (x * constant) as f32);
-        Gathered { total: scaled(sums.total), single: scaled(sums.single) }
+        sums.times(constant)
     }
 }
 
@@ -136,12 +96,6 @@ struct Gather<'a, P, T> {
     phase: P,
     transmittance: T,
     stats: &'a mut GatherStats,
-}
-
-/// Sums without the phase function's constant.
-struct Sums {
-    total: [f64; 3],
-    single: [f64; 3],
 }
 
 /// How many blocks ahead to fetch.

@@ -1,7 +1,7 @@
 //! What is promised of beam queries.
 
-use super::{BeamQuery, GatherStats, Gathered};
-use crate::gather::{DepthTable, PhaseLanes};
+use super::BeamQuery;
+use crate::gather::{DepthTable, GatherStats, Gathered, PhaseLanes};
 use crate::math::random::{Purpose, Stream};
 use crate::math::{DVec3, Vec3, sampling};
 use crate::medium::phase::{Draine, HenyeyGreenstein, Isotropic, Mixture, Phase, Rayleigh, Schlick};

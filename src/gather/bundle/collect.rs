@@ -45,7 +45,7 @@ impl Cone {
             lines.clear();
             for group in groups {
                 let rays = &bundle.rays[group.first..group.first + group.count];
-                let some = Lines::new(rays, &frame, origin, group.reach);
+                let some = Lines::new(rays, &frame, origin, group.farthest);
                 if Lines::extremes(&some.cos).0 < Line::LEAST_COS {
                     return None;
                 }

@@ -8,7 +8,8 @@
 use super::group::{Group, Vector};
 use super::photons::{Collected, Lists, PhotonLanes, Shifted};
 use super::rays::Bundle;
-use crate::gather::beam::{GatherStats, exponents};
+use crate::gather::beam::exponents;
+use crate::gather::gathered::GatherStats;
 use crate::gather::phase::Evaluate;
 use crate::gather::sampled::VECTORS;
 use crate::photon::kernel::inverse_biweight_share;

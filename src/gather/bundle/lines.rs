@@ -75,9 +75,9 @@ pub(super) struct Lines {
 }
 
 impl Lines {
-    /// Of rays that end at `reach` at the latest; lines to spare repeat the last. In loops that become vectors.
+    /// Of rays that end at `farthest` at the latest; lines to spare repeat the last. In loops that become vectors.
     #[inline(always)]
-    pub(super) fn new(rays: &[(Ray, f64, f64)], frame: &Frame, origin: DVec3, reach: f64) -> Self {
+    pub(super) fn new(rays: &[(Ray, f64, f64)], frame: &Frame, origin: DVec3, farthest: f64) -> Self {
         let zero = [0.0; GROUP];
         let (mut direction, mut from, mut range) = ([zero; 3], [zero; 3], [zero; 2]);
         for i in 0..GROUP {
@@ -85,7 +85,7 @@ impl Lines {
             let towards = ray.origin - origin;
             [direction[0][i], direction[1][i], direction[2][i]] = ray.direction.to_array();
             [from[0][i], from[1][i], from[2][i]] = towards.to_array();
-            [range[0][i], range[1][i]] = [*a, b.min(reach)];
+            [range[0][i], range[1][i]] = [*a, b.min(farthest)];
         }
         let mut lines = Lines {
             origin: zero,

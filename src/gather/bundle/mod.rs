@@ -25,8 +25,8 @@ mod tests;
 
 pub use rays::Bundle;
 
-use crate::gather::beam::{GatherStats, Gathered};
 use crate::gather::depth::DepthTable;
+use crate::gather::gathered::{GatherStats, Gathered};
 use crate::gather::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Sum};
 use crate::gather::sampled::GROUP;
 use crate::math::DVec3;
