@@ -55,7 +55,7 @@ pub struct MarchSegment<'a> {
 /// Memory that a thread reuses.
 #[derive(Clone, Debug, Default)]
 pub struct Steps {
-    knots: Vec<Knot>,
+    knots: Vec<TransmittanceKnot>,
 }
 
 /// [`Steps`], and a table of depths where the density varies.
@@ -89,7 +89,7 @@ impl March {
 
 /// A place on the ray: the transmitted share of light, averaged over the channels, and its integral up to there.
 #[derive(Clone, Copy, Debug)]
-struct Knot {
+struct TransmittanceKnot {
     t: f64,
     transmitted: f64,
     mass: f64,
@@ -104,9 +104,6 @@ const COARSEST: f64 = 4.0;
 
 /// Knots between which exponential marching takes the transmittance for exponential.
 const KNOTS: usize = 128;
-
-/// A marched integral, by quantity.
-type Sums<const N: usize> = [Rgb; N];
 
 impl MarchSegment<'_> {
     fn depth(&self, t: f64) -> f64 {
@@ -127,7 +124,7 @@ struct Step {
 }
 
 /// A place in a step.
-struct Place {
+struct DrawnPlace {
     t: f64,
     /// The share of the step that lies before it.
     x: f64,
@@ -146,7 +143,7 @@ impl Step {
     }
 
     /// A place drawn in proportion to transmittance: in the mean over channels, by what of each arrives from here.
-    fn place(&self, segment: &MarchSegment, u: f64) -> Place {
+    fn place(&self, segment: &MarchSegment, u: f64) -> DrawnPlace {
         let [a, b] = self.ends;
         let tau = self.tau(segment);
         let arriving = shares(segment.weight * segment.medium.transmittance(self.depths[0]));
@@ -160,7 +157,7 @@ impl Step {
         let v = if grey { u } else { (rest / arriving[channel].max(f64::MIN_POSITIVE)).min(1.0) };
         let x = exponential(tau[channel], v);
         let density = (arriving * tau.map(|tau| (-tau * x).exp() / mean_transmittance(tau))).element_sum();
-        Place { t: a + (b - a) * x, x, density: density / (b - a) }
+        DrawnPlace { t: a + (b - a) * x, x, density: density / (b - a) }
     }
 }
 
@@ -271,7 +268,7 @@ impl Marcher {
         roulette: &mut Roulette,
         stream: &mut Stream,
         source: &mut impl FnMut(f64, &mut Stream) -> [Rgb; N],
-        sums: &mut Sums<N>,
+        sums: &mut [Rgb; N],
     ) {
         let length = segment.b - segment.a;
         let levels = (length / (2.0 * self.size)).clamp(1.0, COARSEST).log2().floor();
@@ -350,7 +347,7 @@ struct Probe<const N: usize> {
 
 /// Adds what one place in a step says.
 fn add<const N: usize>(
-    sums: &mut Sums<N>,
+    sums: &mut [Rgb; N],
     segment: &MarchSegment,
     step: &Step,
     u: f64,
@@ -376,7 +373,8 @@ impl Steps {
     fn tabulate(&mut self, segment: &MarchSegment) {
         self.knots.clear();
         let length = segment.b - segment.a;
-        let mut last = Knot { t: segment.a, transmitted: segment.transmitted(segment.depth(segment.a)), mass: 0.0 };
+        let mut last =
+            TransmittanceKnot { t: segment.a, transmitted: segment.transmitted(segment.depth(segment.a)), mass: 0.0 };
         self.knots.push(last);
         let grey = segment.medium.extinction.max_element() == segment.medium.extinction.min_element();
         // One exponential says it all.
@@ -387,7 +385,7 @@ impl Steps {
             let tau = (last.transmitted / transmitted).ln();
             let mean =
                 if tau.is_finite() { last.transmitted * mean_transmittance(tau) } else { 0.5 * last.transmitted };
-            last = Knot { t, transmitted, mass: last.mass + mean * (t - last.t) };
+            last = TransmittanceKnot { t, transmitted, mass: last.mass + mean * (t - last.t) };
             self.knots.push(last);
         }
     }

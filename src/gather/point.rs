@@ -67,7 +67,7 @@ impl PointMap {
             walls(x, radius, &mut planes);
         }
 
-        let (found, omega) = (Found { map: self, x, squared_radius, blocks, planes: &planes }, query.direction);
+        let (found, omega) = (LookedUp { map: self, x, squared_radius, blocks, planes: &planes }, query.direction);
         let sums = match &query.phase.0 {
             Kind::Isotropic => found.sum(Isotropic, query.max_events, stats),
             Kind::HenyeyGreenstein(g) => found.sum(HenyeyGreenstein::new(*g, omega), query.max_events, stats),
@@ -101,7 +101,7 @@ const LEAST_SHARE: f64 = 1e-9;
 
 /// What a look-up found.
 #[derive(Clone, Copy)]
-struct Found<'a> {
+struct LookedUp<'a> {
     map: &'a PointMap,
     x: Vec3,
     squared_radius: f32,
@@ -109,21 +109,25 @@ struct Found<'a> {
     planes: &'a [Plane],
 }
 
-impl Found<'_> {
+impl LookedUp<'_> {
     fn sum(self, phase: impl Evaluate, max_events: u8, stats: &mut GatherStats) -> Sums {
         match self.map.profile {
-            Profile::Constant => self.map.isa.run(Gather { found: self, phase, shape: Constant, max_events, stats }),
-            Profile::Epanechnikov => {
-                self.map.isa.run(Gather { found: self, phase, shape: Epanechnikov, max_events, stats })
+            Profile::Constant => {
+                self.map.isa.run(GatherBall { found: self, phase, shape: Constant, max_events, stats })
             }
-            Profile::Biweight => self.map.isa.run(Gather { found: self, phase, shape: Biweight, max_events, stats }),
+            Profile::Epanechnikov => {
+                self.map.isa.run(GatherBall { found: self, phase, shape: Epanechnikov, max_events, stats })
+            }
+            Profile::Biweight => {
+                self.map.isa.run(GatherBall { found: self, phase, shape: Biweight, max_events, stats })
+            }
         }
     }
 }
 
 /// The sum as a kernel.
-struct Gather<'a, P, S> {
-    found: Found<'a>,
+struct GatherBall<'a, P, S> {
+    found: LookedUp<'a>,
     phase: P,
     #[allow(dead_code, reason = "its type says it all")]
     shape: S,
@@ -134,12 +138,13 @@ struct Gather<'a, P, S> {
 /// How many blocks ahead to fetch.
 const AHEAD: usize = 2;
 
-impl<P: Evaluate, S: Shape> Task for Gather<'_, P, S> {
+impl<P: Evaluate, S: Shape> Task for GatherBall<'_, P, S> {
     type Output = Sums;
 
     #[inline(always)]
     fn run<L: Lanes>(self) -> Sums {
-        let Gather { found: Found { map, x, squared_radius, blocks, planes }, phase, max_events, stats, .. } = self;
+        let GatherBall { found: LookedUp { map, x, squared_radius, blocks, planes }, phase, max_events, stats, .. } =
+            self;
         let lanes = [L::splat(x.x), L::splat(x.y), L::splat(x.z)];
         let (limit, inverse) = (L::splat(squared_radius), L::splat(1.0 / squared_radius));
         let zero = L::splat(0.0);

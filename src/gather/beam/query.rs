@@ -83,13 +83,13 @@ impl PhotonMap {
         stats: &mut GatherStats,
     ) -> Gathered {
         let constant = phase.constant();
-        let sums = self.isa.run(Gather { map: self, query, pruning, phase, transmittance, stats });
+        let sums = self.isa.run(GatherBeam { map: self, query, pruning, phase, transmittance, stats });
         sums.times(constant)
     }
 }
 
 /// The query as a kernel.
-struct Gather<'a, P, T> {
+struct GatherBeam<'a, P, T> {
     map: &'a PhotonMap,
     query: &'a BeamQuery<'a>,
     pruning: Pruning,
@@ -102,12 +102,12 @@ struct Gather<'a, P, T> {
 const AHEAD: usize = 2;
 
 /// A ray, by the test that its map wants.
-struct Target<'a, L> {
+struct RayTest<'a, L> {
     ray: &'a RayLanes<L>,
     slabs: &'a Option<Slabs>,
 }
 
-impl<L: Lanes> Meets<L> for Target<'_, L> {
+impl<L: Lanes> Meets<L> for RayTest<'_, L> {
     #[inline(always)]
     fn children(&self, node: &Node) -> u16 {
         match self.slabs {
@@ -117,12 +117,12 @@ impl<L: Lanes> Meets<L> for Target<'_, L> {
     }
 }
 
-impl<P: Evaluate, T: Transmit> Task for Gather<'_, P, T> {
+impl<P: Evaluate, T: Transmit> Task for GatherBeam<'_, P, T> {
     type Output = Sums;
 
     #[inline(always)]
     fn run<L: Lanes>(self) -> Sums {
-        let Gather { map, query, pruning, phase, transmittance, stats } = self;
+        let GatherBeam { map, query, pruning, phase, transmittance, stats } = self;
         let ray = RayFrame::new(query.origin, query.direction, query.length).lanes::<L>();
         let slabs = if map.boxes { Some(Slabs::new(map, query.origin, query.direction, query.length)) } else { None };
 
@@ -131,7 +131,7 @@ impl<P: Evaluate, T: Transmit> Task for Gather<'_, P, T> {
         let mut descent = Descent::new();
         let (mut blocks, mut photons) = (0, 0);
         while descent.goes_on() {
-            let listed = descent.list::<L>(map, &Target { ray: &ray, slabs: &slabs });
+            let listed = descent.list::<L>(map, &RayTest { ray: &ray, slabs: &slabs });
             let mut found = Found::<L>::none();
             for i in 0..listed {
                 map.blocks.prefetch(descent.block((i + AHEAD).min(listed - 1)));
