@@ -1,10 +1,10 @@
 //! What runs found, as results.
 
+use super::comparison::{Comparison, Found};
 use super::context::{method_name, settings};
 use super::figures::{figures, mean};
 use super::machine;
 use super::results::{self, Measure, Measured, Reference, ReferenceKind, Results, SameMap};
-use super::run::{Comparison, Found};
 use super::store::{Run, Shot, label};
 use crate::Result;
 use crate::image::Image;

@@ -1,8 +1,9 @@
 //! What can be refused of a comparison before anything is rendered.
 
+use super::context::Context;
+use super::request::Request;
 use super::results::{BudgetKind, Budgets, Region};
 use super::variant::{self, Tunable, Variant};
-use super::{Context, Request};
 use crate::scene::description::Description;
 use crate::scene::{StudyReference, StudyVariant};
 use crate::{Error, Result};

@@ -4,14 +4,18 @@ use std::sync::atomic::AtomicBool;
 
 use serde::Serialize;
 
+use super::machine;
+use super::request::Request;
 use super::results::Setting;
-use super::variant::Pair;
-use super::{Request, Watch, machine};
+use super::watch::Watch;
 use crate::render::checkpoint::Subject;
 use crate::render::{Component, SharedPhotons};
 use crate::scene;
 use crate::scene::description::{Description, Method};
 use crate::{Error, Result};
+
+/// A key of the scene file and its value.
+pub type Pair = (String, String);
 
 /// What is common to all parts of a comparison.
 pub struct Context<'r> {

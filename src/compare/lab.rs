@@ -3,10 +3,10 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::Watch;
 use super::meter::{Meter, Snapshot};
 use super::results::{BudgetKind, Budgets};
 use super::variant::Tunable;
+use super::watch::Watch;
 use crate::render::{Component, Film, Limits, Rendering, SharedMap, SharedPhotons, Stats, refine, refine_shared};
 use crate::scene::description::Method;
 use crate::scene::{Scene, Settings};

@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
+use super::comparison::{Comparison, Found};
 use super::figures::figures;
 use super::lab::Lab;
 use super::results::{self, BudgetKind, Budgets, Statistics};
-use super::run::{Comparison, Found};
 use super::store::{Shot, Store, label};
 use super::variant::Tunable;
 use super::{meter, tune};

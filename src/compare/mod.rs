@@ -5,6 +5,7 @@
 
 mod assemble;
 mod checks;
+mod comparison;
 mod context;
 mod csv;
 mod figures;
@@ -19,27 +20,22 @@ mod run;
 mod store;
 mod tune;
 mod variant;
+mod watch;
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use crate::render::Progress;
 use crate::{Error, Result};
 
 pub use machine::peak_bytes;
 pub use request::Request;
 pub use results::Results;
 pub use variant::parse as parse_variants;
+pub use watch::Watch;
 
+use comparison::{Comparison, Found};
 use context::Context;
-use run::{Comparison, Found};
 use store::Store;
-
-/// Hears how far a comparison has come.
-pub trait Watch: Progress {
-    /// Something begins: a reference, or a run of a variant.
-    fn begins(&self, what: &str);
-}
 
 /// Compares, in `folder`: what it already holds of the same comparison is not repeated. Runs on the current thread pool;
 /// `stop` ends it early, and what was measured by then is in the results, which are written to the folder too.

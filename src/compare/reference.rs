@@ -6,12 +6,12 @@ use std::time::Duration;
 
 use serde::Serialize;
 
-use super::context::{Context, method_name, settings};
+use super::context::{Context, Pair, method_name, settings};
 use super::figures::Standard;
 use super::lab::Lab;
 use super::results::{Reference, ReferenceKind, Region};
 use super::store::{Made, Store};
-use super::variant::{self, Pair, Variant};
+use super::variant::{self, Variant};
 use crate::image::{self, Image, Layer, LayerData, Picture};
 use crate::render::checkpoint::{self, Checkpoint, Subject};
 use crate::render::{Component, End, Limits};

@@ -5,47 +5,18 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::figures::Standard;
+use super::comparison::{Comparison, Found};
 use super::lab::Lab;
 use super::measuring::{Measuring, statistics};
-use super::reference::Known;
-use super::results::{Budgets, Reference, Region};
+use super::results::{Budgets, Reference};
 use super::store::{Run, Store};
-use super::variant::{Tunable, Variant};
-use super::{Context, machine, reference};
+use super::variant::Tunable;
+use super::{machine, reference};
 use crate::render::checkpoint::Subject;
 use crate::scene;
 use crate::{Error, Result};
 
-/// A variant with what was found of it.
-pub struct Found {
-    pub variant: Variant,
-    pub limit: Option<Known>,
-    /// Its runs, seed by seed.
-    pub runs: Vec<Run>,
-}
-
-impl Found {
-    pub fn new(variant: Variant) -> Found {
-        Found { variant, limit: None, runs: Vec::new() }
-    }
-}
-
-/// A comparison ready to be made.
-pub struct Comparison<'c> {
-    pub context: &'c Context<'c>,
-    pub store: &'c Store,
-    pub budgets: Budgets,
-    pub regions: Vec<Region>,
-    pub common: Option<Known>,
-}
-
 impl Comparison<'_> {
-    pub fn seeds(&self) -> Vec<u64> {
-        let first = self.context.base.render.seed;
-        (0..u64::from(self.context.request.seeds.max(1))).map(|k| first.wrapping_add(k)).collect()
-    }
-
     /// All runs: seed by seed, so that a machine that slows down slows all variants alike; those whose time others get
     /// come first.
     pub fn measure(&self, found: &mut [Found]) -> Result<()> {
@@ -126,10 +97,6 @@ impl Comparison<'_> {
         }
         Ok(run)
     }
-
-    pub fn standard<'f>(&'f self, found: &'f Found) -> Held<'f> {
-        Held(self.common.as_ref().or(found.limit.as_ref()))
-    }
 }
 
 /// What a run depends on.
@@ -146,17 +113,4 @@ struct Asked<'a> {
     samples: &'a [u32],
     map: Option<(String, u64)>,
     reference: Option<&'a Reference>,
-}
-
-/// What errors of a variant are held against.
-pub struct Held<'f>(pub Option<&'f Known>);
-
-impl Held<'_> {
-    pub fn facts(&self) -> Option<&Reference> {
-        self.0.map(|known| &known.facts)
-    }
-
-    pub fn standard(&self) -> Result<&Standard> {
-        self.0.map(|known| &known.standard).ok_or(Error::Interrupted)
-    }
 }

@@ -1,15 +1,12 @@
 //! Variants: an estimate with its settings.
 
-use super::context::Context;
+use super::context::{Context, Pair};
 use crate::gather::march::Marcher;
 use crate::render::{Camera, Limits, Plan, SharedMap};
 use crate::scene::description::{Description, Estimate, Kernel, Method};
 use crate::scene::description::{March, Volume};
 use crate::scene::{self, Scene, Settings, StudyVariant, is_plain};
 use crate::{Error, Result};
-
-/// A key of the scene file and its value.
-pub type Pair = (String, String);
 
 /// Names of the built-in variants, and what they set.
 pub const BUILT_IN: [(&str, &[(&str, &str)]); 6] = [

@@ -29,13 +29,13 @@ pub enum Stepping {
 pub struct Marcher {
     /// How long steps are.
     pub stepping: Stepping,
-    /// The smallest step, above 0; steps that must fill a stretch are a little shorter.
+    /// The smallest step, above 0; steps that must fill a segment are a little shorter.
     pub size: f64,
 }
 
-/// A stretch of a ray through one medium.
+/// A segment of a ray, as it is marched along.
 #[derive(Clone, Copy, Debug)]
-pub struct Stretch<'a> {
+pub struct MarchSegment<'a> {
     /// The ray.
     pub ray: &'a Ray,
     /// Where transmittance starts to count.
@@ -55,7 +55,7 @@ pub struct Stretch<'a> {
 /// Memory that a thread reuses.
 #[derive(Clone, Debug, Default)]
 pub struct Steps {
-    knots: Vec<Knot>,
+    knots: Vec<TransmittanceKnot>,
 }
 
 /// [`Steps`], and a table of depths where the density varies.
@@ -82,14 +82,14 @@ impl March {
             self.table.tabulate(medium, ray, (from, b));
             Some(&self.table)
         };
-        let stretch = Stretch { ray, from, a, b, medium, depth, weight };
-        marcher.march(&stretch, stream, &mut self.steps, source)
+        let segment = MarchSegment { ray, from, a, b, medium, depth, weight };
+        marcher.march(&segment, stream, &mut self.steps, source)
     }
 }
 
 /// A place on the ray: the transmitted share of light, averaged over the channels, and its integral up to there.
 #[derive(Clone, Copy, Debug)]
-struct Knot {
+struct TransmittanceKnot {
     t: f64,
     transmitted: f64,
     mass: f64,
@@ -105,10 +105,7 @@ const COARSEST: f64 = 4.0;
 /// Knots between which exponential marching takes the transmittance for exponential.
 const KNOTS: usize = 128;
 
-/// A marched integral, by quantity.
-type Sums<const N: usize> = [Rgb; N];
-
-impl Stretch<'_> {
+impl MarchSegment<'_> {
     fn depth(&self, t: f64) -> f64 {
         self.depth.map_or(t - self.from, |table| table.depth_at(t - self.from))
     }
@@ -127,7 +124,7 @@ struct Step {
 }
 
 /// A place in a step.
-struct Place {
+struct DrawnPlace {
     t: f64,
     /// The share of the step that lies before it.
     x: f64,
@@ -136,20 +133,20 @@ struct Place {
 }
 
 impl Step {
-    fn new(stretch: &Stretch, a: f64, b: f64) -> Self {
-        Step { ends: [a, b], depths: [stretch.depth(a), stretch.depth(b)] }
+    fn new(segment: &MarchSegment, a: f64, b: f64) -> Self {
+        Step { ends: [a, b], depths: [segment.depth(a), segment.depth(b)] }
     }
 
     /// The optical depth of the step, by channel.
-    fn tau(&self, stretch: &Stretch) -> Rgb {
-        stretch.medium.extinction * (self.depths[1] - self.depths[0])
+    fn tau(&self, segment: &MarchSegment) -> Rgb {
+        segment.medium.extinction * (self.depths[1] - self.depths[0])
     }
 
     /// A place drawn in proportion to transmittance: in the mean over channels, by what of each arrives from here.
-    fn place(&self, stretch: &Stretch, u: f64) -> Place {
+    fn place(&self, segment: &MarchSegment, u: f64) -> DrawnPlace {
         let [a, b] = self.ends;
-        let tau = self.tau(stretch);
-        let arriving = shares(stretch.weight * stretch.medium.transmittance(self.depths[0]));
+        let tau = self.tau(segment);
+        let arriving = shares(segment.weight * segment.medium.transmittance(self.depths[0]));
         // One number chooses the channel and then the place.
         let (mut rest, mut channel) = (u, 0);
         while channel < 2 && rest >= arriving[channel] {
@@ -160,7 +157,7 @@ impl Step {
         let v = if grey { u } else { (rest / arriving[channel].max(f64::MIN_POSITIVE)).min(1.0) };
         let x = exponential(tau[channel], v);
         let density = (arriving * tau.map(|tau| (-tau * x).exp() / mean_transmittance(tau))).element_sum();
-        Place { t: a + (b - a) * x, x, density: density / (b - a) }
+        DrawnPlace { t: a + (b - a) * x, x, density: density / (b - a) }
     }
 }
 
@@ -207,19 +204,19 @@ impl Marcher {
         }
     }
 
-    /// ∫ T(t) S(t) dt over a stretch, as seen at its `from`, for quantities S that `source` tells at a place; the
+    /// ∫ T(t) S(t) dt over a segment, as seen at its `from`, for quantities S that `source` tells at a place; the
     /// first of them guides adaptive steps.
     pub fn march<const N: usize>(
         &self,
-        stretch: &Stretch,
+        segment: &MarchSegment,
         stream: &mut Stream,
         steps: &mut Steps,
         source: &mut impl FnMut(f64, &mut Stream) -> [Rgb; N],
     ) -> [Rgb; N] {
         let mut sums = [Rgb::ZERO; N];
-        let length = stretch.b - stretch.a;
+        let length = segment.b - segment.a;
         let mut roulette = Roulette { reached: 1.0 };
-        let start = stretch.transmitted(stretch.depth(stretch.a));
+        let start = segment.transmitted(segment.depth(segment.a));
         if length.is_nan() || length <= 0.0 || !roulette.goes_on(start, stream) {
             return sums;
         }
@@ -227,35 +224,35 @@ impl Marcher {
             Stepping::Uniform => {
                 let count = (length / self.size).ceil().max(1.0);
                 let u = stream.uniform();
-                let mut step = Step::new(stretch, stretch.a, stretch.a);
+                let mut step = Step::new(segment, segment.a, segment.a);
                 for i in 1..=count as u64 {
-                    let end = stretch.a + length * (i as f64 / count);
-                    step = Step { ends: [step.ends[1], end], depths: [step.depths[1], stretch.depth(end)] };
-                    if !roulette.goes_on(stretch.transmitted(step.depths[0]), stream) {
+                    let end = segment.a + length * (i as f64 / count);
+                    step = Step { ends: [step.ends[1], end], depths: [step.depths[1], segment.depth(end)] };
+                    if !roulette.goes_on(segment.transmitted(step.depths[0]), stream) {
                         break;
                     }
-                    add(&mut sums, stretch, &step, u, 1.0 / roulette.reached, stream, source);
+                    add(&mut sums, segment, &step, u, 1.0 / roulette.reached, stream, source);
                 }
             }
             Stepping::Exponential => {
-                steps.tabulate(stretch);
+                steps.tabulate(segment);
                 let mass = steps.knots.last().map_or(0.0, |knot| knot.mass);
                 let count = (mass / self.size).ceil().max(1.0);
                 let u = stream.uniform();
-                let mut step = Step::new(stretch, stretch.a, stretch.a);
+                let mut step = Step::new(segment, segment.a, segment.a);
                 let mut knot = 1;
                 for i in 1..=count as u64 {
                     let end = if i as f64 == count {
-                        stretch.b
+                        segment.b
                     } else {
-                        steps.place(mass * (i as f64 / count), &mut knot).max(step.ends[1]).min(stretch.b)
+                        steps.place(mass * (i as f64 / count), &mut knot).max(step.ends[1]).min(segment.b)
                     };
-                    step = Step { ends: [step.ends[1], end], depths: [step.depths[1], stretch.depth(end)] };
-                    add(&mut sums, stretch, &step, u, 1.0 / roulette.reached, stream, source);
+                    step = Step { ends: [step.ends[1], end], depths: [step.depths[1], segment.depth(end)] };
+                    add(&mut sums, segment, &step, u, 1.0 / roulette.reached, stream, source);
                 }
             }
             Stepping::Adaptive { contrast } => {
-                self.adapt(stretch, contrast, &mut roulette, stream, source, &mut sums);
+                self.adapt(segment, contrast, &mut roulette, stream, source, &mut sums);
             }
         }
         sums
@@ -266,30 +263,30 @@ impl Marcher {
     /// average, what is too small for them.
     fn adapt<const N: usize>(
         &self,
-        stretch: &Stretch,
+        segment: &MarchSegment,
         contrast: f64,
         roulette: &mut Roulette,
         stream: &mut Stream,
         source: &mut impl FnMut(f64, &mut Stream) -> [Rgb; N],
-        sums: &mut Sums<N>,
+        sums: &mut [Rgb; N],
     ) {
-        let length = stretch.b - stretch.a;
+        let length = segment.b - segment.a;
         let levels = (length / (2.0 * self.size)).clamp(1.0, COARSEST).log2().floor();
         let coarse = self.size * levels.exp2();
         let mut probe = |t: f64, stream: &mut Stream| {
-            let depth = stretch.depth(t);
-            Probe { t, depth, density: stretch.medium.density.at(stretch.ray.at(t)), source: source(t, stream) }
+            let depth = segment.depth(t);
+            Probe { t, depth, density: segment.medium.density.at(segment.ray.at(t)), source: source(t, stream) }
         };
         // The longest steps first: what they see on average tells what matters.
         let mut coarsest: SmallVec<[(Probe<N>, f64); 32]> = SmallVec::new();
-        let mut start = probe(stretch.a, stream);
-        let mut next = stretch.a + coarse * (0.25 + 0.75 * stream.uniform());
+        let mut start = probe(segment.a, stream);
+        let mut next = segment.a + coarse * (0.25 + 0.75 * stream.uniform());
         let mut mean = 0.0;
         coarsest.push((start, 1.0));
-        while start.t < stretch.b && roulette.goes_on(stretch.transmitted(start.depth), stream) {
+        while start.t < segment.b && roulette.goes_on(segment.transmitted(start.depth), stream) {
             // A short rest at the end joins the last step.
-            let end = probe(if next > stretch.b - 0.25 * coarse { stretch.b } else { next }, stream);
-            mean += 0.5 * (start.arriving(stretch) + end.arriving(stretch)) * (end.t - start.t) / length;
+            let end = probe(if next > segment.b - 0.25 * coarse { segment.b } else { next }, stream);
+            mean += 0.5 * (start.arriving(segment) + end.arriving(segment)) * (end.t - start.t) / length;
             coarsest.push((end, roulette.reached));
             next = end.t + coarse;
             start = end;
@@ -301,7 +298,7 @@ impl Marcher {
             waiting.push(ends[1].0);
             while let Some(end) = waiting.last() {
                 let width = end.t - start.t;
-                let arriving = stretch.transmitted(start.depth);
+                let arriving = segment.transmitted(start.depth);
                 let brightest = start.source[0].max(end.source[0]).max_element();
                 let change = (start.source[0] - end.source[0]).abs().max_element();
                 let differs = change * arriving > contrast * mean.max(brightest * arriving)
@@ -311,16 +308,16 @@ impl Marcher {
                     continue;
                 }
                 let step = Step { ends: [start.t, end.t], depths: [start.depth, end.depth] };
-                let tau = step.tau(stretch);
-                let before = stretch.medium.transmittance(start.depth) / reached;
+                let tau = step.tau(segment);
+                let before = segment.medium.transmittance(start.depth) / reached;
                 let late = tau.map(first_moment);
                 let early = tau.map(mean_transmittance) - late;
                 for (i, sum) in sums.iter_mut().enumerate() {
                     *sum += before * width * (early * start.source[i] + late * end.source[i]);
                 }
-                let place = step.place(stretch, stream.uniform());
+                let place = step.place(segment, stream.uniform());
                 let between = probe(place.t, stream);
-                let exact = stretch.medium.transmittance(between.depth) / (place.density * reached);
+                let exact = segment.medium.transmittance(between.depth) / (place.density * reached);
                 let taken = before * tau.map(|tau| (-tau * place.x).exp()) / place.density;
                 for (i, sum) in sums.iter_mut().enumerate() {
                     *sum += exact * between.source[i] - taken * start.source[i].lerp(end.source[i], place.x);
@@ -334,8 +331,8 @@ impl Marcher {
 
 impl<const N: usize> Probe<N> {
     /// The brightest channel of the source, faded by the way to here.
-    fn arriving(&self, stretch: &Stretch) -> f64 {
-        self.source[0].max_element() * stretch.transmitted(self.depth)
+    fn arriving(&self, segment: &MarchSegment) -> f64 {
+        self.source[0].max_element() * segment.transmitted(self.depth)
     }
 }
 
@@ -350,8 +347,8 @@ struct Probe<const N: usize> {
 
 /// Adds what one place in a step says.
 fn add<const N: usize>(
-    sums: &mut Sums<N>,
-    stretch: &Stretch,
+    sums: &mut [Rgb; N],
+    segment: &MarchSegment,
     step: &Step,
     u: f64,
     factor: f64,
@@ -361,8 +358,8 @@ fn add<const N: usize>(
     if step.ends[1] <= step.ends[0] {
         return;
     }
-    let place = step.place(stretch, u);
-    let weight = stretch.medium.transmittance(stretch.depth(place.t)) * (factor / place.density);
+    let place = step.place(segment, u);
+    let weight = segment.medium.transmittance(segment.depth(place.t)) * (factor / place.density);
     if weight.max_element() > 0.0 && weight.is_finite() {
         let values = source(place.t, stream);
         for (sum, value) in sums.iter_mut().zip(values) {
@@ -372,22 +369,23 @@ fn add<const N: usize>(
 }
 
 impl Steps {
-    /// Knots along the stretch, closer together at its start.
-    fn tabulate(&mut self, stretch: &Stretch) {
+    /// Knots along the segment, closer together at its start.
+    fn tabulate(&mut self, segment: &MarchSegment) {
         self.knots.clear();
-        let length = stretch.b - stretch.a;
-        let mut last = Knot { t: stretch.a, transmitted: stretch.transmitted(stretch.depth(stretch.a)), mass: 0.0 };
+        let length = segment.b - segment.a;
+        let mut last =
+            TransmittanceKnot { t: segment.a, transmitted: segment.transmitted(segment.depth(segment.a)), mass: 0.0 };
         self.knots.push(last);
-        let grey = stretch.medium.extinction.max_element() == stretch.medium.extinction.min_element();
+        let grey = segment.medium.extinction.max_element() == segment.medium.extinction.min_element();
         // One exponential says it all.
-        let count = if stretch.depth.is_none() && grey { 1 } else { KNOTS };
+        let count = if segment.depth.is_none() && grey { 1 } else { KNOTS };
         for i in 1..=count {
-            let t = stretch.a + length * (i as f64 / count as f64).powi(2);
-            let transmitted = stretch.transmitted(stretch.depth(t));
+            let t = segment.a + length * (i as f64 / count as f64).powi(2);
+            let transmitted = segment.transmitted(segment.depth(t));
             let tau = (last.transmitted / transmitted).ln();
             let mean =
                 if tau.is_finite() { last.transmitted * mean_transmittance(tau) } else { 0.5 * last.transmitted };
-            last = Knot { t, transmitted, mass: last.mass + mean * (t - last.t) };
+            last = TransmittanceKnot { t, transmitted, mass: last.mass + mean * (t - last.t) };
             self.knots.push(last);
         }
     }
@@ -427,13 +425,13 @@ mod tests {
     }
 
     /// The mean of many marches over its expectation, its standard error, and how many places each took.
-    fn run(marcher: &Marcher, stretch: &Stretch, source: impl Fn(f64) -> Rgb, expected: Rgb) -> (Rgb, Rgb, f64) {
+    fn run(marcher: &Marcher, segment: &MarchSegment, source: impl Fn(f64) -> Rgb, expected: Rgb) -> (Rgb, Rgb, f64) {
         const MARCHES: u64 = 4000;
         let (mut sum, mut squares, mut places) = (Rgb::ZERO, Rgb::ZERO, 0u64);
         let mut steps = Steps::default();
         for i in 0..MARCHES {
             let mut stream = Stream::new(3, Purpose::Test, i, 0);
-            let [one] = marcher.march(stretch, &mut stream, &mut steps, &mut |t, _| {
+            let [one] = marcher.march(segment, &mut stream, &mut steps, &mut |t, _| {
                 places += 1;
                 [source(t)]
             });
@@ -447,15 +445,15 @@ mod tests {
     }
 
     /// ∫ T S dt by the midpoint rule.
-    fn integral(stretch: &Stretch, source: impl Fn(f64) -> Rgb) -> Rgb {
+    fn integral(segment: &MarchSegment, source: impl Fn(f64) -> Rgb) -> Rgb {
         const N: usize = 200_000;
-        let width = (stretch.b - stretch.a) / N as f64;
-        let at = |i: usize| stretch.a + (i as f64 + 0.5) * width;
-        (0..N).map(|i| stretch.medium.transmittance(stretch.depth(at(i))) * source(at(i)) * width).sum::<Rgb>()
+        let width = (segment.b - segment.a) / N as f64;
+        let at = |i: usize| segment.a + (i as f64 + 0.5) * width;
+        (0..N).map(|i| segment.medium.transmittance(segment.depth(at(i))) * source(at(i)) * width).sum::<Rgb>()
     }
 
     /// Right on average, for steps of any size: light that varies, a flash much shorter than the steps, media that
-    /// are thin, thick, coloured, and thinning out, and stretches that begin late.
+    /// are thin, thick, coloured, and thinning out, and segments that begin late.
     #[test]
     fn every_marcher_is_right_on_average() {
         let wave = |t: f64| Rgb::new(1.0 + (3.0 * t).sin(), 1.0, (-t).exp());
@@ -480,13 +478,13 @@ mod tests {
                 }
                 let depth = (!medium.density.is_even()).then_some(&table);
                 for weight in [Rgb::ONE, Rgb::new(0.0, 1.0, 5.0)] {
-                    let stretch = Stretch { ray: &ray, from: 0.0, a, b, medium: &medium, depth, weight };
+                    let segment = MarchSegment { ray: &ray, from: 0.0, a, b, medium: &medium, depth, weight };
                     for stepping in STEPPINGS {
                         for size in [0.1, 0.5, 9.0] {
                             let marcher = Marcher { stepping, size };
                             let check = |name: &str, source: &dyn Fn(f64) -> Rgb| {
-                                let expected = integral(&stretch, source);
-                                let (mean, error, _) = run(&marcher, &stretch, source, expected);
+                                let expected = integral(&segment, source);
+                                let (mean, error, _) = run(&marcher, &segment, source, expected);
                                 for c in (0..3).filter(|&c| weight[c] > 0.0) {
                                     let found = (mean[c] - 1.0).abs();
                                     assert!(
@@ -508,10 +506,11 @@ mod tests {
     fn even_light_in_an_even_grey_medium_needs_one_place() {
         let ray = Ray::new(DVec3::ZERO, DVec3::Z);
         let medium = medium([0.7; 3], Density::Uniform);
-        let stretch = Stretch { ray: &ray, from: 0.0, a: 0.5, b: 4.0, medium: &medium, depth: None, weight: Rgb::ONE };
+        let segment =
+            MarchSegment { ray: &ray, from: 0.0, a: 0.5, b: 4.0, medium: &medium, depth: None, weight: Rgb::ONE };
         let expected = Rgb::splat(((-0.35f64).exp() - (-2.8f64).exp()) / 0.7);
         for stepping in STEPPINGS {
-            let (mean, error, _) = run(&Marcher { stepping, size: 9.0 }, &stretch, |_| Rgb::ONE, expected);
+            let (mean, error, _) = run(&Marcher { stepping, size: 9.0 }, &segment, |_| Rgb::ONE, expected);
             assert!(
                 (mean - 1.0).abs().max_element() < 1e-9 && error.max_element() < 1e-7,
                 "{stepping:?} {mean} {error}"
@@ -525,9 +524,9 @@ mod tests {
         let ray = Ray::new(DVec3::ZERO, DVec3::Z);
         let places = |sigma: f64, stepping, source: &dyn Fn(f64) -> Rgb| {
             let medium = medium([sigma; 3], Density::Uniform);
-            let stretch =
-                Stretch { ray: &ray, from: 0.0, a: 0.0, b: 100.0, medium: &medium, depth: None, weight: Rgb::ONE };
-            run(&Marcher { stepping, size: 0.1 }, &stretch, source, Rgb::ONE).2
+            let segment =
+                MarchSegment { ray: &ray, from: 0.0, a: 0.0, b: 100.0, medium: &medium, depth: None, weight: Rgb::ONE };
+            run(&Marcher { stepping, size: 0.1 }, &segment, source, Rgb::ONE).2
         };
         let one = |_: f64| Rgb::ONE;
         // ∫T dt = 1, a tenth of it each.

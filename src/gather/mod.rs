@@ -3,22 +3,26 @@
 mod beam;
 mod bundle;
 mod depth;
+mod gathered;
 mod lattice;
 pub mod march;
 mod phase;
 mod point;
 mod sampled;
+mod segment;
 mod stream;
 #[cfg(test)]
 mod tests;
 mod volume;
 
-pub use beam::{BeamQuery, GatherStats, Gathered};
+pub use beam::BeamQuery;
 pub use bundle::{Bundle, BundleScratch};
 pub use depth::DepthTable;
+pub use gathered::{GatherStats, Gathered};
 pub use lattice::{Fan, Lattices};
 pub use phase::PhaseLanes;
 pub use point::{Marching, PointMaps, PointQuery};
 pub use sampled::{SampledDepths, Samples};
+pub use segment::EyeSegment;
 pub use stream::StreamScratch;
-pub use volume::{Queue, Reach, VolumeMaps, emitted};
+pub use volume::{Queue, VolumeMaps, emitted};

@@ -1,9 +1,10 @@
 //! The point query: the light scattered at one point, from the photons in a ball around it (Jensen 2001, §10.7;
 //! Jarosz et al. 2008, Eq. 3–4).
 
+use super::gathered::{GatherStats, Gathered, Sums};
 use super::march::{March, Marcher};
 use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Sum};
-use super::{GatherStats, Gathered, Reach};
+use super::segment::EyeSegment;
 use crate::math::{DVec3, Rgb, Stream, Vec3};
 use crate::medium::Medium;
 use crate::photon::kernel::{Biweight, Constant, Epanechnikov, Profile, Shape};
@@ -66,7 +67,7 @@ impl PointMap {
             walls(x, radius, &mut planes);
         }
 
-        let (found, omega) = (Found { map: self, x, squared_radius, blocks, planes: &planes }, query.direction);
+        let (found, omega) = (LookedUp { map: self, x, squared_radius, blocks, planes: &planes }, query.direction);
         let sums = match &query.phase.0 {
             Kind::Isotropic => found.sum(Isotropic, query.max_events, stats),
             Kind::HenyeyGreenstein(g) => found.sum(HenyeyGreenstein::new(*g, omega), query.max_events, stats),
@@ -74,8 +75,7 @@ impl PointMap {
         };
         let inside = share(self.profile, &planes, radius);
         let factor = self.profile.ball_peak() / (f64::from(squared_radius) * f64::from(radius) * inside);
-        let scaled = |sums: [f64; 3]| sums.map(|sum| (sum * factor) as f32);
-        Gathered { total: scaled(sums.total), single: scaled(sums.single) }
+        sums.times(factor)
     }
 }
 
@@ -101,7 +101,7 @@ const LEAST_SHARE: f64 = 1e-9;
 
 /// What a look-up found.
 #[derive(Clone, Copy)]
-struct Found<'a> {
+struct LookedUp<'a> {
     map: &'a PointMap,
     x: Vec3,
     squared_radius: f32,
@@ -109,27 +109,25 @@ struct Found<'a> {
     planes: &'a [Plane],
 }
 
-/// Sums over a ball without the kernel's peak.
-struct Sums {
-    total: [f64; 3],
-    single: [f64; 3],
-}
-
-impl Found<'_> {
+impl LookedUp<'_> {
     fn sum(self, phase: impl Evaluate, max_events: u8, stats: &mut GatherStats) -> Sums {
         match self.map.profile {
-            Profile::Constant => self.map.isa.run(Gather { found: self, phase, shape: Constant, max_events, stats }),
-            Profile::Epanechnikov => {
-                self.map.isa.run(Gather { found: self, phase, shape: Epanechnikov, max_events, stats })
+            Profile::Constant => {
+                self.map.isa.run(GatherBall { found: self, phase, shape: Constant, max_events, stats })
             }
-            Profile::Biweight => self.map.isa.run(Gather { found: self, phase, shape: Biweight, max_events, stats }),
+            Profile::Epanechnikov => {
+                self.map.isa.run(GatherBall { found: self, phase, shape: Epanechnikov, max_events, stats })
+            }
+            Profile::Biweight => {
+                self.map.isa.run(GatherBall { found: self, phase, shape: Biweight, max_events, stats })
+            }
         }
     }
 }
 
 /// The sum as a kernel.
-struct Gather<'a, P, S> {
-    found: Found<'a>,
+struct GatherBall<'a, P, S> {
+    found: LookedUp<'a>,
     phase: P,
     #[allow(dead_code, reason = "its type says it all")]
     shape: S,
@@ -140,12 +138,13 @@ struct Gather<'a, P, S> {
 /// How many blocks ahead to fetch.
 const AHEAD: usize = 2;
 
-impl<P: Evaluate, S: Shape> Task for Gather<'_, P, S> {
+impl<P: Evaluate, S: Shape> Task for GatherBall<'_, P, S> {
     type Output = Sums;
 
     #[inline(always)]
     fn run<L: Lanes>(self) -> Sums {
-        let Gather { found: Found { map, x, squared_radius, blocks, planes }, phase, max_events, stats, .. } = self;
+        let GatherBall { found: LookedUp { map, x, squared_radius, blocks, planes }, phase, max_events, stats, .. } =
+            self;
         let lanes = [L::splat(x.x), L::splat(x.y), L::splat(x.z)];
         let (limit, inverse) = (L::splat(squared_radius), L::splat(1.0 / squared_radius));
         let zero = L::splat(0.0);
@@ -229,16 +228,17 @@ impl PointMaps {
         self.maps.iter().enumerate().filter_map(|(region, map)| Some((region as u32, map.as_ref()?)))
     }
 
-    /// Marches along a stretch: the light scattered once, and all other, as radiance at its start. `weight` is what light there counts, by channel; `walls` as for [`PointMap::gather`].
+    /// Marches along a segment: the light scattered once, and all other, as radiance at its start. `weight` is what
+    /// light there counts, by channel; `walls` as for [`PointMap::gather`].
     pub fn gather(
         &self,
-        (medium, reach, weight): (&Medium, &Reach, Rgb),
+        (medium, segment, weight): (&Medium, &EyeSegment, Rgb),
         walls: &impl Fn(Vec3, f32, &mut SmallVec<[Plane; 3]>),
         stream: &mut Stream,
         marching: &mut Marching,
         stats: &mut GatherStats,
     ) -> [Rgb; 2] {
-        let Reach { ray, a, b, region, .. } = *reach;
+        let EyeSegment { ray, a, b, region, .. } = *segment;
         let region = region as usize;
         let Some(map) = &self.maps[region] else { return Default::default() };
         let Some((first, last)) = map.bounds().clip(&ray, a, b) else { return Default::default() };
@@ -246,14 +246,14 @@ impl PointMaps {
             marching.memories.resize_with(region + 1, PointMemory::default);
         }
         let memory = &mut marching.memories[region];
-        let phase = &self.phases[reach.medium as usize];
+        let phase = &self.phases[segment.medium as usize];
         let mut source = |t: f64, _: &mut Stream| {
             let query =
-                PointQuery { position: ray.at(t), direction: ray.direction, phase, max_events: reach.max_events };
+                PointQuery { position: ray.at(t), direction: ray.direction, phase, max_events: segment.max_events };
             let (total, single) = map.gather(&query, walls, memory, stats).rgb();
             [total, single]
         };
-        let marcher = &self.marchers[reach.medium as usize];
+        let marcher = &self.marchers[segment.medium as usize];
         let line = (&ray, a, first, last);
         let [total, single] = marching.march.along(marcher, line, (medium, weight), stream, &mut source);
         [single, total - single]
@@ -486,7 +486,7 @@ mod tests {
                             1 => (DVec3::new(s, 0.3 * r - 1.0, -0.9), DVec3::Z, 1.8),
                             _ => (DVec3::new(0.0, 0.0, s), DVec3::new(1.0, 1.0, 0.0).normalize(), 2f64.sqrt()),
                         };
-                        let reach = Reach {
+                        let segment = EyeSegment {
                             ray: Ray::new(origin, direction),
                             a: 0.0,
                             b: length,
@@ -497,7 +497,7 @@ mod tests {
                         };
                         let mut stats = GatherStats::default();
                         let gathered =
-                            maps.gather((&medium, &reach, Rgb::ONE), &room, &mut stream, &mut marching, &mut stats);
+                            maps.gather((&medium, &segment, Rgb::ONE), &room, &mut stream, &mut marching, &mut stats);
                         assert!(stats.queries >= 3);
                         let [_, more] = gathered;
                         let expected = Rgb::from_array(

@@ -20,7 +20,7 @@ pub(super) const VECTORS: usize = 4;
 /// Rays that gather together from one table, at most.
 pub(super) const GROUP: usize = VECTORS * LANES;
 
-/// The density integrated along rays from the beginnings of their stretches, at the multiples of one step of
+/// The density integrated along rays from the beginnings of their segments, at the multiples of one step of
 /// the ray's parameter.
 #[derive(Clone, Debug, Default)]
 pub struct SampledDepths {
@@ -202,7 +202,7 @@ impl TransmittanceTable {
         self.knots = knots;
         (self.start, self.per_step) = (start as f32, (1.0 / step) as f32);
         self.rows.resize(rays.len().div_ceil(LANES) * knots * self.channels, Row([0.0; LANES]));
-        isa.run(Pass { table: self, rays: &rays, exponents });
+        isa.run(Fill { table: self, rays: &rays, exponents });
         Some(())
     }
 
@@ -264,18 +264,18 @@ impl Along<'_> {
 }
 
 /// Fills a table, some knots of a vector of rays at a time.
-struct Pass<'a> {
+struct Fill<'a> {
     table: &'a mut TransmittanceTable,
     rays: &'a [Along<'a>],
     exponents: [f32; 3],
 }
 
-impl Task for Pass<'_> {
+impl Task for Fill<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        let Pass { table, rays, exponents } = self;
+        let Fill { table, rays, exponents } = self;
         let TransmittanceTable { rows, channels, knots, .. } = table;
         for (rays, rows) in rays.chunks(LANES).zip(rows.chunks_exact_mut(*knots * *channels)) {
             let mut by_ray = [Row([0.0; LANES]); LANES];

@@ -3,8 +3,8 @@
 
 use super::beam::{Coloured, Found, Grey, Pruning, RayFrame, Slabs, Transmit, add_block, exponents};
 use super::bundle::Bundle;
+use super::gathered::{GatherStats, Gathered};
 use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, Sum};
-use super::{GatherStats, Gathered};
 use crate::math::DVec3;
 use crate::photon::discs::PhotonMap;
 use crate::photon::simd::{LANES, Lanes, Task, prefetch};
@@ -83,10 +83,10 @@ impl PhotonMap {
             scratch.sums.resize(rays.len(), Default::default());
             if grey {
                 let transmittance = Grey(exponents[0]);
-                self.isa.run(Stream { map: self, rays: &prepared, transmittance, max_events, scratch, stats });
+                self.isa.run(GatherStream { map: self, rays: &prepared, transmittance, max_events, scratch, stats });
             } else {
                 let transmittance = Coloured(exponents);
-                self.isa.run(Stream { map: self, rays: &prepared, transmittance, max_events, scratch, stats });
+                self.isa.run(GatherStream { map: self, rays: &prepared, transmittance, max_events, scratch, stats });
             }
             let constant = prepared.first().map_or(0.0, |ray| ray.phase.constant()) as f32;
             out.extend(scratch.sums.iter().map(|[total, single]| Gathered {
@@ -97,7 +97,8 @@ impl PhotonMap {
     }
 }
 
-struct Stream<'a, P, T> {
+/// Rays that go together, as a kernel.
+struct GatherStream<'a, P, T> {
     map: &'a PhotonMap,
     rays: &'a [Prepared<P>],
     transmittance: T,
@@ -116,12 +117,12 @@ struct Visit {
     end: usize,
 }
 
-impl<P: Evaluate, T: Transmit> Task for Stream<'_, P, T> {
+impl<P: Evaluate, T: Transmit> Task for GatherStream<'_, P, T> {
     type Output = ();
 
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        let Stream { map, rays, transmittance, max_events, scratch, stats } = self;
+        let GatherStream { map, rays, transmittance, max_events, scratch, stats } = self;
         let StreamScratch { lists, sums } = scratch;
         lists.clear();
         lists.extend(0..rays.len() as u32);

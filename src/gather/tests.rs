@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use smallvec::SmallVec;
 
 use super::depth::DepthTable;
-use super::{BeamQuery, Fan, GatherStats, PhaseLanes, Queue, Reach, VolumeMaps};
+use super::{BeamQuery, EyeSegment, Fan, GatherStats, PhaseLanes, Queue, VolumeMaps};
 use crate::math::random::Purpose;
 use crate::math::{DVec3, Frame, Ray, Rgb, Stream, Vec3, sampling};
 use crate::medium::density::bricks::{BrickGrid, Interpolation, NegativePolicy};
@@ -154,7 +154,7 @@ fn world(dice: &mut Dice) -> World {
 }
 
 /// Rays through neighbouring pixels, from a pinhole or a lens, near or far; and their fan.
-fn view(dice: &mut Dice, world: &World) -> (Vec<Reach>, Option<Fan>) {
+fn view(dice: &mut Dice, world: &World) -> (Vec<EyeSegment>, Option<Fan>) {
     let extent = world.half.max_element();
     let target = world.center + world.half * dice.cube();
     let distance = if dice.chance(0.3) { extent * dice.between(0.0, 1.0) } else { extent * dice.decades(0.0, 4.5) };
@@ -172,28 +172,28 @@ fn view(dice: &mut Dice, world: &World) -> (Vec<Reach>, Option<Fan>) {
         Density::Grid(_) => 1 + dice.below(34),
         _ => 1 + dice.below(80),
     };
-    let reaches = (0..rays)
+    let segments = (0..rays)
         .map(|_| {
             let (p, q) = sampling::disc(dice.0.uniform2());
             let origin = from + lens * (p * frame.x + q * frame.y);
             let [x, y] = [0; 2].map(|_| dice.between(-slope, slope));
             let direction = (from + distance.max(extent) * (frame.z + x * frame.x + y * frame.y) - origin).normalize();
             let ray = Ray::new(origin, direction);
-            Reach { ray, a: start, b: end, medium: 0, region: 0, max_events, from_camera }
+            EyeSegment { ray, a: start, b: end, medium: 0, region: 0, max_events, from_camera }
         })
         .collect();
     let fan = (lens == 0.0).then(|| Fan { origin: from, frame, slope, rays: 20 + dice.below(200) });
-    (reaches, fan)
+    (segments, fan)
 }
 
 /// What one ray gathers by itself from `a` to `b`, all depths known.
-fn alone(world: &World, map: &PhotonMap, reach: &Reach, (a, b): (f64, f64)) -> [f64; 3] {
+fn alone(world: &World, map: &PhotonMap, segment: &EyeSegment, (a, b): (f64, f64)) -> [f64; 3] {
     let (phase, mut table) = (PhaseLanes::new(world.medium.phase.clone()), DepthTable::new());
-    let ray = &reach.ray;
+    let ray = &segment.ray;
     let end = map.bounds().clip(ray, a, b).map_or(a, |(_, end)| end);
     table.tabulate(&world.medium, ray, (a, end));
-    // Depths are counted from where the ray's stretch begins, wherever this one does.
-    let before = world.medium.transmittance(world.medium.density.depth(ray, reach.a.min(a), reach.a.max(a)));
+    // Depths are counted from where the ray's segment begins, wherever this one does.
+    let before = world.medium.transmittance(world.medium.density.depth(ray, segment.a.min(a), segment.a.max(a)));
     let query = BeamQuery {
         origin: ray.at(a),
         direction: ray.direction,
@@ -201,11 +201,11 @@ fn alone(world: &World, map: &PhotonMap, reach: &Reach, (a, b): (f64, f64)) -> [
         phase: &phase,
         extinction: world.medium.extinction.as_vec3(),
         depth: (!matches!(world.medium.density, Density::Uniform)).then_some(&table),
-        max_events: reach.max_events,
+        max_events: segment.max_events,
         pruning: None,
     };
     let found = Vec3::from(map.gather(&query, &mut GatherStats::default()).total).as_dvec3();
-    (if a < reach.a { found / before } else { found * before }).to_array()
+    (if a < segment.a { found / before } else { found * before }).to_array()
 }
 
 /// Ten thousand views of all sorts of scenes: bundles and streams find what each ray finds by itself, whatever the
@@ -219,16 +219,16 @@ fn rays_together_find_what_each_finds_alone() {
         let mut compared = 0;
         for turn in 0..VIEWS {
             let what = format!("world {number}, view {turn}");
-            let (reaches, fan) = view(&mut dice, &world);
+            let (segments, fan) = view(&mut dice, &world);
             queue.begin(fan);
             queue.done.clear();
-            for (index, reach) in reaches.iter().enumerate() {
-                let passed = world.maps.gather(&world.medium, *reach, Some(index), &mut queue);
+            for (index, segment) in segments.iter().enumerate() {
+                let passed = world.maps.gather(&world.medium, *segment, Some(index), &mut queue);
                 assert!(passed.is_finite() && passed.min_element() >= 0.0, "{what}: transmittance {passed}");
             }
             world.maps.gather_bundles(&mut queue);
             world.maps.gather_streams(&mut queue);
-            let mut found = vec![[0.0; 3]; reaches.len()];
+            let mut found = vec![[0.0; 3]; segments.len()];
             for (index, gathered) in &queue.done {
                 found[*index] = gathered.total;
                 let sound = |value: &f32| value.is_finite() && *value >= 0.0;
@@ -237,8 +237,8 @@ fn rays_together_find_what_each_finds_alone() {
             if !world.comparable {
                 continue;
             }
-            for (reach, found) in reaches.iter().zip(&found).step_by(1 + reaches.len() / 6) {
-                compare(&world, reach, found.map(f64::from), &what);
+            for (segment, found) in segments.iter().zip(&found).step_by(1 + segments.len() / 6) {
+                compare(&world, segment, found.map(f64::from), &what);
                 compared += 1;
             }
         }
@@ -249,14 +249,14 @@ fn rays_together_find_what_each_finds_alone() {
 }
 
 /// Whether a ray found what it finds alone, as closely as its way of gathering promises.
-fn compare(world: &World, reach: &Reach, found: [f64; 3], what: &str) {
-    let Reach { a, b, .. } = *reach;
-    let alone = |map: &PhotonMap, range: (f64, f64)| alone(world, map, reach, range);
+fn compare(world: &World, segment: &EyeSegment, found: [f64; 3], what: &str) {
+    let EyeSegment { a, b, .. } = *segment;
+    let alone = |map: &PhotonMap, range: (f64, f64)| alone(world, map, segment, range);
     let expected = alone(&world.map, (a, b));
     let uniform = matches!(world.medium.density, Density::Uniform);
     let share = match uniform {
         // Streams differ by the order of their sums.
-        true if !reach.from_camera => 3e-5,
+        true if !segment.from_camera => 3e-5,
         // Phase function and transmittance by a series.
         true => 4e-3,
         // Depths between the rays of a lattice, and transmittance between samples.
@@ -269,7 +269,7 @@ fn compare(world: &World, reach: &Reach, found: [f64; 3], what: &str) {
     let across = rounding / f64::from(world.map.radii().min);
     let along = rounding * world.medium.extinction.max_element();
     let near = |found: f64, low: f64, high: f64, fuller: f64| {
-        let off = (share + along) * high + (if reach.from_camera { 1e-3 } else { 1e-5 } + across) * fuller;
+        let off = (share + along) * high + (if segment.from_camera { 1e-3 } else { 1e-5 } + across) * fuller;
         (low - off..=high + off).contains(&found)
     };
     if (0..3).all(|c| near(found[c], expected[c], expected[c], 0.0)) {
@@ -283,6 +283,6 @@ fn compare(world: &World, reach: &Reach, found: [f64; 3], what: &str) {
     let fuller = alone(&world.fuller, (a - ends, b + ends));
     assert!(
         (0..3).all(|c| near(found[c], low[c], high[c], fuller[c])),
-        "{what}: {found:?} instead of {expected:?}, at least {low:?}, at most {high:?}, rims {fuller:?}, {reach:?}"
+        "{what}: {found:?} instead of {expected:?}, at least {low:?}, at most {high:?}, rims {fuller:?}, {segment:?}"
     );
 }

@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 
 use super::beam::Pruning;
 use super::point::Marching;
+use super::segment::EyeSegment;
 use super::{
     BeamQuery, Bundle, BundleScratch, DepthTable, Fan, GatherStats, Gathered, Lattices, PhaseLanes, SampledDepths,
     Samples, StreamScratch,
@@ -22,35 +23,15 @@ pub struct VolumeMaps {
     steps: Vec<f64>,
 }
 
-/// A stretch of an eye ray through a medium.
-#[derive(Clone, Copy, Debug)]
-pub struct Reach {
-    /// The ray.
-    pub ray: Ray,
-    /// Where on it the stretch begins.
-    pub a: f64,
-    /// Where it ends; perhaps at infinity.
-    pub b: f64,
-    /// The medium: an index into the scene's.
-    pub medium: u32,
-    /// The region whose photons count.
-    pub region: u32,
-    /// Only photons with at most this many events count; 255 for all.
-    pub max_events: u8,
-    /// Whether it lies on a ray from the camera: stretches queued one after the other are then close to
-    /// one another, and gather together.
-    pub from_camera: bool,
-}
-
-/// A stretch that waits, with its depths if they vary, for its owner.
+/// A segment that waits, with its depths if they vary, for its owner.
 #[derive(Debug)]
 struct Waiting<O> {
-    reach: Reach,
+    segment: EyeSegment,
     samples: Option<Samples>,
     owner: O,
 }
 
-/// Stretches that wait to be gathered, each for an owner, and those that are done; memory that a thread
+/// Segments that wait to be gathered, each for an owner, and those that are done; memory that a thread
 /// reuses.
 #[derive(Debug)]
 pub struct Queue<O> {
@@ -58,7 +39,7 @@ pub struct Queue<O> {
     streams: Vec<Waiting<O>>,
     depths: SampledDepths,
     lattices: Lattices,
-    /// The owners whose stretches are done, with what was gathered for them.
+    /// The owners whose segments are done, with what was gathered for them.
     pub done: Vec<(O, Gathered)>,
     table: DepthTable,
     /// For rays that are marched instead.
@@ -87,7 +68,7 @@ impl<O> Default for Queue<O> {
 }
 
 impl<O> Queue<O> {
-    /// The stretches from the camera that follow are those of a fan's rays.
+    /// The segments from the camera that follow are those of a fan's rays.
     pub fn begin(&mut self, fan: Option<Fan>) {
         self.lattices.begin(fan);
     }
@@ -122,21 +103,21 @@ impl VolumeMaps {
         self.maps.iter().enumerate().filter_map(|(region, map)| Some((region as u32, map.as_ref()?)))
     }
 
-    /// Gathers a stretch for its owner, if it has one, at once or when the queue is told to. Returns the
-    /// transmittance of the stretch.
-    pub fn gather<O>(&self, medium: &Medium, reach: Reach, owner: Option<O>, queue: &mut Queue<O>) -> Rgb {
-        let Reach { ray, a, b, .. } = reach;
-        let map = self.maps[reach.region as usize].as_ref();
+    /// Gathers a segment for its owner, if it has one, at once or when the queue is told to. Returns the
+    /// transmittance of the segment.
+    pub fn gather<O>(&self, medium: &Medium, segment: EyeSegment, owner: Option<O>, queue: &mut Queue<O>) -> Rgb {
+        let EyeSegment { ray, a, b, .. } = segment;
+        let map = self.maps[segment.region as usize].as_ref();
         // No photon reaches beyond the box around all discs.
         let met = map.and_then(|map| map.bounds().clip(&ray, a, b)).map(|(_, end)| end);
         let (Some(map), Some(end), Some(owner)) = (map, met, owner) else {
             return medium.transmittance(medium.density.depth(&ray, a, b));
         };
         // Bundles have no discs that lean on walls.
-        let together = reach.from_camera && !map.leans();
+        let together = segment.from_camera && !map.leans();
         if medium.density.is_even() {
             let waiting = if together { &mut queue.bundles } else { &mut queue.streams };
-            waiting.push(Waiting { reach, samples: None, owner });
+            waiting.push(Waiting { segment, samples: None, owner });
             return medium.transmittance(medium.density.depth(&ray, a, b));
         }
         // Nothing absorbs beyond a grid, and no photon waits beyond the discs.
@@ -145,19 +126,19 @@ impl VolumeMaps {
         let total = |until_end: f64| if end < leaves { medium.density.depth(&ray, a, b) } else { until_end };
         if together {
             let extinction = medium.extinction.max_element();
-            let (most, step) = (MOST_PASSED / extinction, self.step(map, reach.medium));
+            let (most, step) = (MOST_PASSED / extinction, self.step(map, segment.medium));
             let (density, range) = (&medium.density, (enters, end));
             let Queue { lattices, depths, .. } = queue;
             let sampled = lattices
-                .sample((reach.medium, density), step, &ray, range, (most, extinction), depths)
+                .sample((segment.medium, density), step, &ray, range, (most, extinction), depths)
                 .or_else(|| depths.sample(density, step, &ray, range, most));
             if let Some((samples, depth)) = sampled {
-                queue.bundles.push(Waiting { reach, samples: Some(samples), owner });
+                queue.bundles.push(Waiting { segment, samples: Some(samples), owner });
                 return medium.transmittance(total(depth));
             }
         }
         queue.table.tabulate(medium, &ray, (a, end));
-        let query = BeamQuery { depth: Some(&queue.table), ..self.query(&reach) };
+        let query = BeamQuery { depth: Some(&queue.table), ..self.query(&segment) };
         queue.done.push((owner, map.gather(&query, &mut queue.stats)));
         medium.transmittance(total(queue.table.total()))
     }
@@ -188,7 +169,7 @@ impl VolumeMaps {
         mut gather: impl FnMut(&PhotonMap, &Bundle<'_>, &mut Vec<Gathered>),
     ) {
         let key = |waiting: &Waiting<O>| {
-            let Reach { region, medium, max_events, .. } = waiting.reach;
+            let EyeSegment { region, medium, max_events, .. } = waiting.segment;
             (region, medium, max_events, waiting.samples.is_some())
         };
         waiting.sort_by_key(key);
@@ -198,7 +179,7 @@ impl VolumeMaps {
             let Some(map) = &self.maps[region as usize] else { continue };
             let index = medium as usize;
             rays.clear();
-            rays.extend(same.iter().map(|Waiting { reach: Reach { ray, a, b, .. }, .. }| (*ray, *a, *b)));
+            rays.extend(same.iter().map(|Waiting { segment: EyeSegment { ray, a, b, .. }, .. }| (*ray, *a, *b)));
             samples.clear();
             samples.extend(same.iter().filter_map(|waiting| waiting.samples));
             let bundle = Bundle {
@@ -221,16 +202,16 @@ impl VolumeMaps {
     }
 
     /// A query without a table of depths.
-    fn query(&self, reach: &Reach) -> BeamQuery<'_> {
+    fn query(&self, segment: &EyeSegment) -> BeamQuery<'_> {
         BeamQuery {
-            origin: reach.ray.at(reach.a),
-            direction: reach.ray.direction,
-            length: (reach.b - reach.a) as f32,
-            phase: &self.phases[reach.medium as usize],
-            extinction: self.extinctions[reach.medium as usize],
+            origin: segment.ray.at(segment.a),
+            direction: segment.ray.direction,
+            length: (segment.b - segment.a) as f32,
+            phase: &self.phases[segment.medium as usize],
+            extinction: self.extinctions[segment.medium as usize],
             depth: None,
-            max_events: reach.max_events,
-            pruning: Some(Pruning::number(reach.ray.direction)),
+            max_events: segment.max_events,
+            pruning: Some(Pruning::number(segment.ray.direction)),
         }
     }
 }
@@ -281,13 +262,5 @@ pub fn emitted(
             });
             sum
         }
-    }
-}
-
-impl Gathered {
-    /// Both parts in `f64`.
-    pub fn rgb(&self) -> (Rgb, Rgb) {
-        let wide = |rgb: [f32; 3]| Vec3::from_array(rgb).as_dvec3();
-        (wide(self.total), wide(self.single))
     }
 }

@@ -1,11 +1,13 @@
 //! What is promised of beam queries.
 
-use super::*;
+use super::BeamQuery;
+use crate::gather::{DepthTable, GatherStats, Gathered, PhaseLanes};
 use crate::math::random::{Purpose, Stream};
-use crate::math::sampling;
+use crate::math::{DVec3, Vec3, sampling};
 use crate::medium::phase::{Draine, HenyeyGreenstein, Isotropic, Mixture, Phase, Rayleigh, Schlick};
+use crate::photon::kernel::Profile;
 use crate::photon::simd::Isa;
-use crate::photon::{MapSettings, Photon, Plane, Radius};
+use crate::photon::{MapSettings, Photon, PhotonMap, Plane, Radius};
 use smallvec::SmallVec;
 use std::f64::consts::PI;
 

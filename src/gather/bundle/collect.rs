@@ -7,60 +7,18 @@
 
 use super::group::Group;
 use super::lines::{Around, AroundLanes, Line, Lines, Part, Towards, around, bound, offsets, rows, square};
+use super::photons::{Collected, WALLS};
 use super::rays::Bundle;
 use crate::gather::beam::{Descent, Meets};
 use crate::gather::sampled::VECTORS;
 use crate::math::{DVec3, Frame};
 use crate::photon::discs::PhotonMap;
-use crate::photon::simd::{LANES, Lanes, Task, at_most, dot_plus, load3, splat3};
+use crate::photon::simd::{Lanes, Task, at_most, dot_plus, load3, splat3};
 use crate::photon::store::Node;
 use smallvec::SmallVec;
 
 /// The slope up to which a bundle is walked as one.
 const WIDE: f64 = 0.7;
-
-/// Photons of one kind near the bundle before all groups are served.
-const NEAR: usize = 4096;
-
-/// Fields of a photon near the bundle: position, 1/r², direction, power; then normal and distance of walls.
-pub(super) const FIELDS: usize = 10;
-pub(super) const WALL_FIELDS: usize = 4;
-
-/// Walls a photon may have.
-pub(super) const WALLS: usize = 3;
-
-/// A field of photons, its vectors each in one line of the cache.
-#[derive(Clone, Debug)]
-#[repr(C, align(64))]
-pub(super) struct Field<const N: usize>(pub(super) [f32; N]);
-
-/// Photons near the bundle, by field. The stride is no multiple of a page, for the sake of the cache.
-#[derive(Debug)]
-pub(super) struct Near {
-    pub(super) fields: Vec<Field<NEAR_STRIDE>>,
-    pub(super) len: usize,
-}
-
-const NEAR_STRIDE: usize = NEAR + 2 * LANES;
-
-impl Near {
-    pub(super) fn new(walls: usize) -> Self {
-        Near { fields: vec![Field([0.0; NEAR_STRIDE]); FIELDS + WALL_FIELDS * walls], len: 0 }
-    }
-
-    #[inline(always)]
-    pub(super) fn load<L: Lanes>(&self, index: usize, at: usize) -> L {
-        L::load_front(&self.fields[index].0[at..])
-    }
-
-    /// Writes packed lanes behind the last photon.
-    #[inline(always)]
-    pub(super) fn write<L: Lanes>(&mut self, index: usize, value: L, bits: u16) {
-        if let Some(out) = self.fields[index].0[self.len..].first_chunk_mut() {
-            value.compress(bits, out);
-        }
-    }
-}
 
 /// All that a bundle may meet.
 pub(super) struct Cone {
@@ -87,7 +45,7 @@ impl Cone {
             lines.clear();
             for group in groups {
                 let rays = &bundle.rays[group.first..group.first + group.count];
-                let some = Lines::new(rays, &frame, origin, group.reach);
+                let some = Lines::new(rays, &frame, origin, group.farthest);
                 if Lines::extremes(&some.cos).0 < Line::LEAST_COS {
                     return None;
                 }
@@ -185,7 +143,7 @@ pub(super) struct Collect<'a, F> {
     pub(super) map: &'a PhotonMap,
     pub(super) cone: &'a Cone,
     pub(super) max_events: u8,
-    pub(super) near: &'a mut [Option<Near>; 2 * (WALLS + 1)],
+    pub(super) near: &'a mut [Option<Collected>; 2 * (WALLS + 1)],
     pub(super) serve: &'a mut F,
 }
 
@@ -194,7 +152,7 @@ fn kind(events: bool, walls: usize) -> usize {
     2 * walls + usize::from(events)
 }
 
-impl<F: FnMut(usize, &mut Near)> Task for Collect<'_, F> {
+impl<F: FnMut(usize, &mut Collected)> Task for Collect<'_, F> {
     /// Nodes visited.
     type Output = u64;
 
@@ -237,21 +195,12 @@ impl<F: FnMut(usize, &mut Near)> Task for Collect<'_, F> {
                             continue;
                         }
                         let kind = kind(events, layer);
-                        let near = near[kind].get_or_insert_with(|| Near::new(layer));
-                        for axis in 0..3 {
-                            near.write(axis, x[axis], some);
-                            near.write(4 + axis, L::load(&block.direction[axis]), some);
-                            near.write(7 + axis, L::load(&block.power[axis]), some);
+                        let near = near[kind].get_or_insert_with(|| Collected::new(layer));
+                        near.write(&x, inverse_square, &load3(block.direction), &load3(block.power), some);
+                        for (number, wall) in walls[..layer].iter().enumerate() {
+                            near.write_wall(number, &load3(&wall.normal), L::load(&wall.distance), some);
                         }
-                        near.write(3, inverse_square, some);
-                        for (wall, index) in walls[..layer].iter().zip((FIELDS..).step_by(WALL_FIELDS)) {
-                            for axis in 0..3 {
-                                near.write(index + axis, L::load(&wall.normal[axis]), some);
-                            }
-                            near.write(index + 3, L::load(&wall.distance), some);
-                        }
-                        near.len += some.count_ones() as usize;
-                        if near.len + LANES > NEAR {
+                        if near.advance(some) {
                             serve(kind, near);
                         }
                     }

@@ -5,58 +5,29 @@
     reason = "iterators' closures need not be inlined into a kernel's instruction set"
 )]
 
-use super::collect::{FIELDS, Field, Near, WALL_FIELDS, WALLS};
 use super::group::{Group, Vector};
+use super::photons::{Collected, Lists, PhotonLanes, Shifted};
 use super::rays::Bundle;
-use crate::gather::beam::{GatherStats, exponents};
+use crate::gather::beam::exponents;
+use crate::gather::gathered::GatherStats;
 use crate::gather::phase::Evaluate;
 use crate::gather::sampled::VECTORS;
 use crate::photon::kernel::inverse_biweight_share;
 use crate::photon::simd::{LANES, Lanes, Row, Task, dot_plus, splat3};
 
-/// Photons of a group before they are evaluated: as much as the nearest cache holds.
-const CHUNK: usize = 512;
-
-/// Where rays of a vector meet fewer of a chunk's photons than this share, each vector gets a list.
+/// Where rays of a vector meet fewer of the photons than this share, each vector gets a list.
 const SPARSE: f32 = 0.7;
-
-/// Photons in a group's frame.
-#[derive(Debug)]
-pub(super) struct Chunk {
-    fields: Box<[Field<CHUNK_STRIDE>; CHUNK_FIELDS]>,
-    pub(super) len: usize,
-}
-
-pub(super) const CHUNK_STRIDE: usize = CHUNK + 2 * LANES;
-
-/// x, y, z, 1/r², the three slopes of d, and the power; then 1/r, normal and distance of walls, and the place
-/// among the knots of a table.
-const CHUNK_FIELDS: usize = PLACE + 1;
-const PLACE: usize = 11 + WALL_FIELDS * WALLS;
-
-impl Chunk {
-    pub(super) fn new() -> Self {
-        Chunk { fields: Box::new([const { Field([0.0; CHUNK_STRIDE]) }; CHUNK_FIELDS]), len: 0 }
-    }
-
-    #[inline(always)]
-    fn write<L: Lanes>(&mut self, index: usize, value: L, bits: u16) {
-        if let Some(out) = self.fields[index].0[self.len..].first_chunk_mut() {
-            value.compress(bits, out);
-        }
-    }
-}
 
 /// Takes photons near the bundle to a group's frame, and evaluates them there.
 pub(super) struct Shift<'a, P> {
     pub(super) bundle: &'a Bundle<'a>,
     pub(super) phase: P,
-    pub(super) near: &'a Near,
+    pub(super) near: &'a Collected,
     pub(super) kind: usize,
     pub(super) group: &'a mut Group,
-    pub(super) plain: &'a mut Chunk,
-    pub(super) careful: &'a mut Chunk,
-    pub(super) lists: &'a mut [[u32; CHUNK_STRIDE]; VECTORS],
+    pub(super) plain: &'a mut Shifted,
+    pub(super) careful: &'a mut Shifted,
+    pub(super) lists: &'a mut Lists,
     pub(super) stats: &'a mut GatherStats,
 }
 
@@ -86,8 +57,7 @@ impl<P: Evaluate> Task for Shift<'_, P> {
         careful.len = 0;
         for at in (0..near.len).step_by(LANES) {
             // Where photons lie in the group's frame, and whether any ray may meet them.
-            let x = [near.load::<L>(0, at), near.load(1, at), near.load(2, at)];
-            let inverse_square = near.load::<L>(3, at);
+            let (x, inverse_square) = (near.position::<L>(at), near.inverse_square::<L>(at));
             let a = dot_plus(&x, &axes[0], offset[0]);
             let b = dot_plus(&x, &axes[1], offset[1]);
             let z = dot_plus(&x, &axes[2], offset[2]);
@@ -101,7 +71,7 @@ impl<P: Evaluate> Task for Shift<'_, P> {
             }
 
             // The phase function and the transmittance along the group's axis.
-            let direction = [near.load::<L>(4, at), near.load(5, at), near.load(6, at)];
+            let direction = near.direction::<L>(at);
             let d = [
                 dot_plus(&direction, &axes[0], zero),
                 dot_plus(&direction, &axes[1], zero),
@@ -126,32 +96,28 @@ impl<P: Evaluate> Task for Shift<'_, P> {
                 }
             };
 
-            // How both change with the slope of a ray, and all that a chunk holds of a photon.
-            let fields = [
-                a,
-                b,
-                z,
+            // How both change with the slope of a ray.
+            let power = near.power::<L>(at);
+            let photons = PhotonLanes {
+                position: [a, b, z],
                 inverse_square,
-                a.mul_add(thirds, kappa.mul(d[0])),
-                b.mul_add(thirds, kappa.mul(d[1])),
-                z.mul_add(thirds, kappa.mul(d[2])),
-                near.load::<L>(7, at).mul(weights[0]),
-                near.load::<L>(8, at).mul(weights[1]),
-                near.load::<L>(9, at).mul(weights[2]),
-            ];
+                change: [
+                    a.mul_add(thirds, kappa.mul(d[0])),
+                    b.mul_add(thirds, kappa.mul(d[1])),
+                    z.mul_add(thirds, kappa.mul(d[2])),
+                ],
+                power: [power[0].mul(weights[0]), power[1].mul(weights[1]), power[2].mul(weights[2])],
+            };
 
             // Photons between the ends of all rays and near no wall.
             let inside = L::bits(L::and(all_start.less(z.sub(margin)), z.add(margin).less(all_end)));
             let safe = if walls == 0 { hit & inside } else { 0 };
             if safe != 0 {
-                for index in 0..FIELDS {
-                    plain.write(index, fields[index], safe);
-                }
+                plain.write(&photons, safe);
                 if let Some(table) = &group.table {
-                    plain.write(PLACE, table.place(z), safe);
+                    plain.write_knot(table.place(z), safe);
                 }
-                plain.len += safe.count_ones() as usize;
-                if plain.len + LANES > CHUNK {
+                if plain.advance(safe) {
                     evaluate::<L, P>(plain, group, part, lists, stats);
                 }
             }
@@ -159,23 +125,21 @@ impl<P: Evaluate> Task for Shift<'_, P> {
             // Photons near a wall or an end.
             let careful_ones = hit & !safe;
             if careful_ones != 0 {
-                for index in 0..FIELDS {
-                    careful.write(index, fields[index], careful_ones);
-                }
-                careful.write(10, inverse_square.mul(r), careful_ones);
+                careful.write(&photons, careful_ones);
+                careful.write_inverse_radius(inverse_square.mul(r), careful_ones);
                 if let Some(table) = &group.table {
-                    careful.write(PLACE, table.place(z), careful_ones);
+                    careful.write_knot(table.place(z), careful_ones);
                 }
                 for wall in 0..walls {
-                    let (from, to) = (FIELDS + WALL_FIELDS * wall, 11 + WALL_FIELDS * wall);
-                    let normal = [near.load::<L>(from, at), near.load(from + 1, at), near.load(from + 2, at)];
-                    for axis in 0..3 {
-                        careful.write(to + axis, dot_plus(&normal, &axes[axis], zero), careful_ones);
-                    }
-                    careful.write(to + 3, near.load::<L>(from + 3, at), careful_ones);
+                    let (normal, distance) = near.wall::<L>(wall, at);
+                    let turned = [
+                        dot_plus(&normal, &axes[0], zero),
+                        dot_plus(&normal, &axes[1], zero),
+                        dot_plus(&normal, &axes[2], zero),
+                    ];
+                    careful.write_wall(wall, &turned, distance, careful_ones);
                 }
-                careful.len += careful_ones.count_ones() as usize;
-                if careful.len + LANES > CHUNK {
+                if careful.advance(careful_ones) {
                     evaluate_carefully::<L, P>(careful, walls, group, part, lists, stats);
                 }
             }
@@ -204,36 +168,6 @@ impl Vector {
     }
 }
 
-/// A photon of a chunk, in every lane.
-#[derive(Clone, Copy)]
-struct Spread<L> {
-    place: [L; 3],
-    inverse_square: L,
-    change: [L; 3],
-    power: [L; 3],
-}
-
-impl Chunk {
-    #[inline(always)]
-    fn spread<L: Lanes>(&self, index: usize) -> Spread<L> {
-        // Below CHUNK anyway; so the compiler knows.
-        let index = index % CHUNK;
-        let of = |field: usize| L::splat(self.fields[field].0[index]);
-        Spread {
-            place: [of(0), of(1), of(2)],
-            inverse_square: of(3),
-            change: [of(4), of(5), of(6)],
-            power: [of(7), of(8), of(9)],
-        }
-    }
-
-    /// Where a photon lies among the knots of a table, if there is one.
-    #[inline(always)]
-    fn place<const TABLE: usize>(&self, index: usize) -> f32 {
-        if TABLE == 0 { 0.0 } else { self.fields[PLACE].0[index % CHUNK] }
-    }
-}
-
 /// (1 + d)^{−3/2} to fourth order.
 #[inline(always)]
 fn series<L: Lanes>(d: L) -> L {
@@ -246,8 +180,8 @@ fn series<L: Lanes>(d: L) -> L {
 impl<L: Lanes> Rays<L> {
     /// The photon's offset from the rays.
     #[inline(always)]
-    fn aside<const PINHOLE: bool>(&self, photon: &Spread<L>) -> [L; 2] {
-        let [a, b, z] = photon.place;
+    fn aside<const PINHOLE: bool>(&self, photon: &PhotonLanes<L>) -> [L; 2] {
+        let [a, b, z] = photon.position;
         if PINHOLE {
             [z.neg_mul_add(self.slope[0], a), z.neg_mul_add(self.slope[1], b)]
         } else {
@@ -257,14 +191,14 @@ impl<L: Lanes> Rays<L> {
 
     /// 1 − ρ²/r², 0 outside of the disc.
     #[inline(always)]
-    fn inside(&self, aside: &[L; 2], photon: &Spread<L>) -> L {
+    fn inside(&self, aside: &[L; 2], photon: &PhotonLanes<L>) -> L {
         let square = aside[0].mul_add(aside[0], aside[1].mul(aside[1]));
         square.neg_mul_add(photon.inverse_square, L::splat(1.0)).max(L::splat(0.0))
     }
 
     /// [`Rays::inside`] with what it leaves out: of the offset, what lies along the ray.
     #[inline(always)]
-    fn inside_closely(&self, aside: &[L; 2], photon: &Spread<L>) -> L {
+    fn inside_closely(&self, aside: &[L; 2], photon: &PhotonLanes<L>) -> L {
         let along = aside[0].mul_add(self.slope[0], aside[1].mul(self.slope[1]));
         let square = aside[0].mul_add(aside[0], aside[1].mul(aside[1]));
         let square = along.neg_mul_add(along, square);
@@ -273,7 +207,7 @@ impl<L: Lanes> Rays<L> {
 
     /// The kernel's shape times how phase function and transmittance vary.
     #[inline(always)]
-    fn weight<P: Evaluate>(&self, q: L, photon: &Spread<L>) -> L {
+    fn weight<P: Evaluate>(&self, q: L, photon: &PhotonLanes<L>) -> L {
         let [x, y, z] = photon.change;
         let d = x.mul_add(self.slope[0], y.mul_add(self.slope[1], z.mul(self.bend)));
         let varied = if P::EVEN { d.mul_add(L::splat(-1.5), L::splat(1.0)) } else { series(d) };
@@ -282,7 +216,7 @@ impl<L: Lanes> Rays<L> {
 }
 
 #[inline(always)]
-fn accumulate<L: Lanes>(sums: &mut [L; 3], weight: L, photon: &Spread<L>) {
+fn accumulate<L: Lanes>(sums: &mut [L; 3], weight: L, photon: &PhotonLanes<L>) {
     for channel in 0..3 {
         sums[channel] = weight.mul_add(photon.power[channel], sums[channel]);
     }
@@ -295,7 +229,7 @@ fn accumulate_passed<L: Lanes, const TABLE: usize>(
     sums: &mut [L; 3],
     weight: L,
     (group, vector, place): (&Group, usize, f32),
-    photon: &Spread<L>,
+    photon: &PhotonLanes<L>,
 ) {
     match &group.table {
         Some(table) if TABLE == 1 => {
@@ -319,17 +253,17 @@ fn add_to_rows<L: Lanes>(rows: &mut [Row; 3], sums: &[L; 3]) {
     }
 }
 
-/// Lists which photons of a chunk each vector may meet. Returns their numbers.
+/// Lists which photons each vector may meet. Returns their numbers.
 #[inline(always)]
-fn list<L: Lanes>(chunk: &Chunk, group: &Group, lists: &mut [[u32; CHUNK_STRIDE]; VECTORS]) -> [usize; VECTORS] {
+fn list<L: Lanes>(photons: &Shifted, group: &Group, lists: &mut Lists) -> [usize; VECTORS] {
     let mut counts = [0; VECTORS];
     for (vector, list) in lists.iter_mut().enumerate().take(group.vectors()) {
         let around = group.near[vector].lanes::<L>();
         let mut count = 0;
-        for at in (0..chunk.len).step_by(LANES) {
-            let load = |field: usize| L::load_front(&chunk.fields[field].0[at..]);
-            let hit = L::bits(around.meets(load(0), load(1), load(2), load(3).rsqrt()));
-            let hit = hit & u16::MAX >> (LANES - (chunk.len - at).min(LANES));
+        for at in (0..photons.len).step_by(LANES) {
+            let ([a, b, z], inverse_square) = photons.discs::<L>(at);
+            let hit = L::bits(around.meets(a, b, z, inverse_square.rsqrt()));
+            let hit = hit & u16::MAX >> (LANES - (photons.len - at).min(LANES));
             let mut indices = [at as u32; LANES];
             for (lane, index) in indices.iter_mut().enumerate() {
                 *index += lane as u32;
@@ -344,44 +278,44 @@ fn list<L: Lanes>(chunk: &Chunk, group: &Group, lists: &mut [[u32; CHUNK_STRIDE]
     counts
 }
 
-/// Adds what the photons of a chunk contribute, those that lie between the ends of all rays and near no wall.
+/// Adds what shifted photons contribute, those that lie between the ends of all rays and near no wall.
 #[inline(always)]
 fn evaluate<L: Lanes, P: Evaluate>(
-    chunk: &mut Chunk,
+    photons: &mut Shifted,
     group: &mut Group,
     part: usize,
-    lists: &mut [[u32; CHUNK_STRIDE]; VECTORS],
+    lists: &mut Lists,
     stats: &mut GatherStats,
 ) {
-    if chunk.len == 0 {
+    if photons.len == 0 {
         return;
     }
-    let counts = list::<L>(chunk, group, lists);
+    let counts = list::<L>(photons, group, lists);
     let listed: usize = counts.iter().sum();
-    let dense = group.vectors() == VECTORS && listed as f32 >= SPARSE * (VECTORS * chunk.len) as f32;
+    let dense = group.vectors() == VECTORS && listed as f32 >= SPARSE * (VECTORS * photons.len) as f32;
     let channels = group.table.as_ref().map_or(0, |table| table.channels);
     let (tested, met) = match (dense, group.pinhole, channels) {
-        (true, true, 0) if !group.wide => evaluate_dense::<L, P, true, false, 0>(chunk, group, part),
-        (true, true, 1) if !group.wide => evaluate_dense::<L, P, true, false, 1>(chunk, group, part),
-        (true, true, 0) => evaluate_dense::<L, P, true, true, 0>(chunk, group, part),
-        (true, true, 1) => evaluate_dense::<L, P, true, true, 1>(chunk, group, part),
-        (true, false, 0) => evaluate_dense::<L, P, false, true, 0>(chunk, group, part),
-        (true, false, 1) => evaluate_dense::<L, P, false, true, 1>(chunk, group, part),
-        (true, _, _) => evaluate_dense::<L, P, false, true, 3>(chunk, group, part),
-        (false, true, 0) => evaluate_listed::<L, P, true, 0>(chunk, group, part, lists, &counts),
-        (false, true, 1) => evaluate_listed::<L, P, true, 1>(chunk, group, part, lists, &counts),
-        (false, false, 0) => evaluate_listed::<L, P, false, 0>(chunk, group, part, lists, &counts),
-        (false, false, 1) => evaluate_listed::<L, P, false, 1>(chunk, group, part, lists, &counts),
-        (false, _, _) => evaluate_listed::<L, P, false, 3>(chunk, group, part, lists, &counts),
+        (true, true, 0) if !group.wide => evaluate_dense::<L, P, true, false, 0>(photons, group, part),
+        (true, true, 1) if !group.wide => evaluate_dense::<L, P, true, false, 1>(photons, group, part),
+        (true, true, 0) => evaluate_dense::<L, P, true, true, 0>(photons, group, part),
+        (true, true, 1) => evaluate_dense::<L, P, true, true, 1>(photons, group, part),
+        (true, false, 0) => evaluate_dense::<L, P, false, true, 0>(photons, group, part),
+        (true, false, 1) => evaluate_dense::<L, P, false, true, 1>(photons, group, part),
+        (true, _, _) => evaluate_dense::<L, P, false, true, 3>(photons, group, part),
+        (false, true, 0) => evaluate_listed::<L, P, true, 0>(photons, group, part, lists, &counts),
+        (false, true, 1) => evaluate_listed::<L, P, true, 1>(photons, group, part, lists, &counts),
+        (false, false, 0) => evaluate_listed::<L, P, false, 0>(photons, group, part, lists, &counts),
+        (false, false, 1) => evaluate_listed::<L, P, false, 1>(photons, group, part, lists, &counts),
+        (false, _, _) => evaluate_listed::<L, P, false, 3>(photons, group, part, lists, &counts),
     };
     stats.blocks += tested;
     stats.photons += met;
-    chunk.len = 0;
+    photons.len = 0;
 }
 
 #[inline(always)]
 fn evaluate_dense<L: Lanes, P: Evaluate, const PINHOLE: bool, const CLOSELY: bool, const TABLE: usize>(
-    chunk: &Chunk,
+    photons: &Shifted,
     group: &mut Group,
     part: usize,
 ) -> (u64, u64) {
@@ -390,8 +324,8 @@ fn evaluate_dense<L: Lanes, P: Evaluate, const PINHOLE: bool, const CLOSELY: boo
     for pair in (0..VECTORS).step_by(2) {
         let rays = [group.rays[pair].load::<L>(), group.rays[pair + 1].load::<L>()];
         let mut sums = [[L::splat(0.0); 3]; 2];
-        for index in 0..chunk.len {
-            let photon = chunk.spread::<L>(index);
+        for index in 0..photons.len {
+            let photon = photons.photon::<L>(index);
             for vector in 0..2 {
                 let aside = rays[vector].aside::<PINHOLE>(&photon);
                 let q = if CLOSELY {
@@ -400,7 +334,7 @@ fn evaluate_dense<L: Lanes, P: Evaluate, const PINHOLE: bool, const CLOSELY: boo
                     rays[vector].inside(&aside, &photon)
                 };
                 let weight = rays[vector].weight::<P>(q, &photon);
-                let passed = (&*group, pair + vector, chunk.place::<TABLE>(index));
+                let passed = (&*group, pair + vector, photons.knot::<TABLE>(index));
                 accumulate_passed::<L, TABLE>(&mut sums[vector], weight, passed, &photon);
                 met += u64::from(L::bits(L::splat(0.0).less(q)).count_ones());
             }
@@ -409,15 +343,15 @@ fn evaluate_dense<L: Lanes, P: Evaluate, const PINHOLE: bool, const CLOSELY: boo
             add_to_rows(&mut group.sums[part][pair + vector], &sums[vector]);
         }
     }
-    ((VECTORS * chunk.len) as u64, met)
+    ((VECTORS * photons.len) as u64, met)
 }
 
 #[inline(always)]
 fn evaluate_listed<L: Lanes, P: Evaluate, const PINHOLE: bool, const TABLE: usize>(
-    chunk: &Chunk,
+    photons: &Shifted,
     group: &mut Group,
     part: usize,
-    lists: &[[u32; CHUNK_STRIDE]; VECTORS],
+    lists: &Lists,
     counts: &[usize; VECTORS],
 ) -> (u64, u64) {
     let (mut tested, mut met) = (0, 0);
@@ -425,11 +359,11 @@ fn evaluate_listed<L: Lanes, P: Evaluate, const PINHOLE: bool, const TABLE: usiz
         let rays = group.rays[vector].load::<L>();
         let mut sums = [L::splat(0.0); 3];
         for &index in &lists[vector][..counts[vector]] {
-            let photon = chunk.spread::<L>(index as usize);
+            let photon = photons.photon::<L>(index as usize);
             let aside = rays.aside::<PINHOLE>(&photon);
             let q = rays.inside_closely(&aside, &photon);
             let weight = rays.weight::<P>(q, &photon);
-            let passed = (&*group, vector, chunk.place::<TABLE>(index as usize));
+            let passed = (&*group, vector, photons.knot::<TABLE>(index as usize));
             accumulate_passed::<L, TABLE>(&mut sums, weight, passed, &photon);
             met += u64::from(L::bits(L::splat(0.0).less(q)).count_ones());
         }
@@ -439,21 +373,21 @@ fn evaluate_listed<L: Lanes, P: Evaluate, const PINHOLE: bool, const TABLE: usiz
     (tested, met)
 }
 
-/// Adds what the photons of a chunk contribute that lie near walls or near an end of a ray: each ray's ends are tested,
+/// Adds what shifted photons contribute that lie near walls or near an end of a ray: each ray's ends are tested,
 /// and walls cut discs.
 #[inline(always)]
 fn evaluate_carefully<L: Lanes, P: Evaluate>(
-    chunk: &mut Chunk,
+    photons: &mut Shifted,
     walls: usize,
     group: &mut Group,
     part: usize,
-    lists: &mut [[u32; CHUNK_STRIDE]; VECTORS],
+    lists: &mut Lists,
     stats: &mut GatherStats,
 ) {
-    if chunk.len == 0 {
+    if photons.len == 0 {
         return;
     }
-    let counts = list::<L>(chunk, group, lists);
+    let counts = list::<L>(photons, group, lists);
     let zero = L::splat(0.0);
     let mut met = 0;
     for vector in 0..group.vectors() {
@@ -461,22 +395,21 @@ fn evaluate_carefully<L: Lanes, P: Evaluate>(
         let (start, end) = (L::load(&group.rays[vector].start), L::load(&group.rays[vector].end));
         let mut sums = [zero; 3];
         for &index in &lists[vector][..counts[vector]] {
-            let photon = chunk.spread::<L>(index as usize);
+            let index = index as usize;
+            let photon = photons.photon::<L>(index);
             let aside = rays.aside::<false>(&photon);
             let q = rays.inside_closely(&aside, &photon);
             // The foot point lies nearer to where the ray leans.
-            let foot = aside[0].mul_add(rays.slope[0], aside[1].mul_add(rays.slope[1], photon.place[2]));
+            let foot = aside[0].mul_add(rays.slope[0], aside[1].mul_add(rays.slope[1], photon.position[2]));
             let mut mask = L::and(zero.less(q), L::and(start.less(foot), foot.less(end)));
             let mut weight = rays.weight::<P>(q, &photon);
-            let index = index as usize % CHUNK;
-            let of = |field: usize| L::splat(chunk.fields[field].0[index]);
-            let inverse = of(10);
-            for wall in (11..).step_by(WALL_FIELDS).take(walls) {
+            let inverse = photons.inverse_radius::<L>(index);
+            for wall in 0..walls {
                 // The normal across the ray; the foot point's height; the disc's distance from the wall.
-                let lean = of(wall + 2);
-                let x = lean.neg_mul_add(rays.slope[0], of(wall));
-                let y = lean.neg_mul_add(rays.slope[1], of(wall + 1));
-                let height = y.neg_mul_add(aside[1], x.neg_mul_add(aside[0], of(wall + 3)));
+                let (normal, distance) = photons.wall::<L>(wall, index);
+                let x = normal[2].neg_mul_add(rays.slope[0], normal[0]);
+                let y = normal[2].neg_mul_add(rays.slope[1], normal[1]);
+                let height = y.neg_mul_add(aside[1], x.neg_mul_add(aside[0], distance));
                 let sin2 = x.mul_add(x, y.mul(y)).max(L::splat(f32::MIN_POSITIVE));
                 let s = height.mul(inverse).mul(sin2.rsqrt());
                 weight = weight.mul(inverse_biweight_share(s));
@@ -486,11 +419,11 @@ fn evaluate_carefully<L: Lanes, P: Evaluate>(
             match group.table.as_ref().map(|table| table.channels) {
                 None => accumulate(&mut sums, weight, &photon),
                 Some(1) => {
-                    let passed = (&*group, vector, chunk.place::<1>(index));
+                    let passed = (&*group, vector, photons.knot::<1>(index));
                     accumulate_passed::<L, 1>(&mut sums, weight, passed, &photon);
                 }
                 Some(_) => {
-                    let passed = (&*group, vector, chunk.place::<3>(index));
+                    let passed = (&*group, vector, photons.knot::<3>(index));
                     accumulate_passed::<L, 3>(&mut sums, weight, passed, &photon);
                 }
             }
@@ -500,5 +433,5 @@ fn evaluate_carefully<L: Lanes, P: Evaluate>(
         add_to_rows(&mut group.sums[part][vector], &sums);
     }
     stats.photons += met;
-    chunk.len = 0;
+    photons.len = 0;
 }

@@ -37,7 +37,7 @@ pub(super) struct Pruned {
 impl Pruned {
     const NEVER: Pruned = Pruned { end: f32::INFINITY, lift: [f32::NEG_INFINITY, 0.0] };
 
-    pub(super) fn new(pruning: Pruning, exponents: [f32; 3], start: f32) -> Self {
+    fn new(pruning: Pruning, exponents: [f32; 3], start: f32) -> Self {
         let depth = pruning.depth(exponents);
         if depth.is_infinite() {
             return Self::NEVER;
@@ -63,7 +63,7 @@ pub(super) struct Group {
     pub(super) towards: Towards,
     pub(super) axis: DVec3,
     /// Where on a ray photons may count last, and the greatest z of such a place.
-    pub(super) reach: f64,
+    pub(super) farthest: f64,
     pub(super) last: f64,
     /// The first and last z of any ray, and of all rays.
     pub(super) any: [f32; 2],
@@ -92,7 +92,7 @@ pub(super) struct Vector {
 }
 
 impl Vector {
-    pub(super) const EMPTY: Vector = {
+    const EMPTY: Vector = {
         let row = Row([0.0; LANES]);
         Vector { offset: [row; 2], slope: [row; 2], bend: row, start: row, end: row }
     };
@@ -128,7 +128,7 @@ impl Group {
         near: [Around::AXIS; VECTORS],
         towards: Towards::NOWHERE,
         axis: DVec3::Z,
-        reach: 0.0,
+        farthest: 0.0,
         last: 0.0,
         any: [0.0; 2],
         all: [0.0; 2],
@@ -180,16 +180,16 @@ impl Group {
         self.pruned = Pruned::new(pruning, exponents(bundle.extinction), bound(last));
         self.any[1] = self.any[1].min(self.pruned.end);
         (self.towards, self.axis) = (towards, frame.z);
-        (self.reach, self.last) = (f64::INFINITY, last_end);
+        (self.farthest, self.last) = (f64::INFINITY, last_end);
         if self.pruned.end.is_finite() {
             // A photon before the end may have its foot point beyond it.
             let end = f64::from(self.pruned.end) + 2.0 * MAX_SLOPE * widest;
             self.last = last_end.min(end);
-            let mut reach = f64::NEG_INFINITY;
+            let mut farthest = f64::NEG_INFINITY;
             for i in 0..count {
-                reach = reach.max((end - lines.origin[i]) * (1.0 + lines.square[i]).sqrt());
+                farthest = farthest.max((end - lines.origin[i]) * (1.0 + lines.square[i]).sqrt());
             }
-            self.reach = reach;
+            self.farthest = farthest;
         }
         self.sums = [[[Row([0.0; LANES]); 3]; VECTORS]; 2];
         self.around = around(&[lines.some(0..count)]);

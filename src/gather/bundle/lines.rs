@@ -14,9 +14,9 @@ use std::ops::Range;
 /// A cone, its spread growing from z = 0 in both directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Around {
-    pub(super) offset: [f32; 2],
-    pub(super) slope: [f32; 2],
-    pub(super) spread: f32,
+    offset: [f32; 2],
+    slope: [f32; 2],
+    spread: f32,
     pub(super) widening: f32,
 }
 
@@ -28,11 +28,11 @@ impl Around {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Line {
     /// Where its parameter is 0.
-    pub(super) origin: f64,
-    pub(super) offset: [f64; 2],
+    origin: f64,
+    offset: [f64; 2],
     pub(super) slope: [f64; 2],
-    pub(super) start: f64,
-    pub(super) end: f64,
+    start: f64,
+    end: f64,
     /// The cosine between ray and axis.
     pub(super) cos: f64,
 }
@@ -75,9 +75,9 @@ pub(super) struct Lines {
 }
 
 impl Lines {
-    /// Of rays that end at `reach` at the latest; lines to spare repeat the last. In loops that become vectors.
+    /// Of rays that end at `farthest` at the latest; lines to spare repeat the last. In loops that become vectors.
     #[inline(always)]
-    pub(super) fn new(rays: &[(Ray, f64, f64)], frame: &Frame, origin: DVec3, reach: f64) -> Self {
+    pub(super) fn new(rays: &[(Ray, f64, f64)], frame: &Frame, origin: DVec3, farthest: f64) -> Self {
         let zero = [0.0; GROUP];
         let (mut direction, mut from, mut range) = ([zero; 3], [zero; 3], [zero; 2]);
         for i in 0..GROUP {
@@ -85,7 +85,7 @@ impl Lines {
             let towards = ray.origin - origin;
             [direction[0][i], direction[1][i], direction[2][i]] = ray.direction.to_array();
             [from[0][i], from[1][i], from[2][i]] = towards.to_array();
-            [range[0][i], range[1][i]] = [*a, b.min(reach)];
+            [range[0][i], range[1][i]] = [*a, b.min(farthest)];
         }
         let mut lines = Lines {
             origin: zero,
@@ -134,11 +134,11 @@ pub(super) fn bound(x: f64) -> f32 {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Towards {
     /// The sums of directions and of origins.
-    pub(super) direction: DVec3,
+    direction: DVec3,
     origins: DVec3,
-    pub(super) count: usize,
+    count: usize,
     /// The first one's origin, and whether it is that of all.
-    pub(super) origin: DVec3,
+    origin: DVec3,
     common: bool,
 }
 
@@ -252,10 +252,10 @@ impl Around {
 
 /// A cone in lanes.
 pub(super) struct AroundLanes<L> {
-    pub(super) offset: [L; 2],
-    pub(super) slope: [L; 2],
-    pub(super) spread: L,
-    pub(super) widening: L,
+    offset: [L; 2],
+    slope: [L; 2],
+    spread: L,
+    widening: L,
 }
 
 impl Around {

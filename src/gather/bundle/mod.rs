@@ -18,32 +18,34 @@ mod collect;
 mod evaluate;
 mod group;
 mod lines;
+mod photons;
 mod rays;
 #[cfg(test)]
 mod tests;
 
 pub use rays::Bundle;
 
-use crate::gather::beam::{GatherStats, Gathered};
 use crate::gather::depth::DepthTable;
+use crate::gather::gathered::{GatherStats, Gathered};
 use crate::gather::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Sum};
-use crate::gather::sampled::{GROUP, VECTORS};
+use crate::gather::sampled::GROUP;
 use crate::math::DVec3;
 use crate::photon::discs::PhotonMap;
 use crate::photon::kernel::Profile;
 use crate::photon::simd::LANES;
-use collect::{Collect, Cone, Near, WALLS};
-use evaluate::{CHUNK_STRIDE, Chunk, Shift};
+use collect::{Collect, Cone};
+use evaluate::Shift;
 use group::{Arrange, Group};
 use lines::Lines;
+use photons::{Collected, Lists, NO_LISTS, Shifted, WALLS};
 
 /// Memory reused from bundle to bundle.
 #[derive(Debug)]
 pub struct BundleScratch {
-    near: [Option<Near>; 2 * (WALLS + 1)],
-    plain: Chunk,
-    careful: Chunk,
-    lists: Box<[[u32; CHUNK_STRIDE]; VECTORS]>,
+    near: [Option<Collected>; 2 * (WALLS + 1)],
+    plain: Shifted,
+    careful: Shifted,
+    lists: Box<Lists>,
     groups: Vec<Group>,
     lines: Vec<Lines>,
     table: DepthTable,
@@ -53,9 +55,9 @@ impl Default for BundleScratch {
     fn default() -> Self {
         BundleScratch {
             near: Default::default(),
-            plain: Chunk::new(),
-            careful: Chunk::new(),
-            lists: Box::new([[0; CHUNK_STRIDE]; VECTORS]),
+            plain: Shifted::new(),
+            careful: Shifted::new(),
+            lists: Box::new(NO_LISTS),
             groups: Vec::new(),
             lines: Vec::new(),
             table: DepthTable::new(),
@@ -150,7 +152,7 @@ impl PhotonMap {
         stats: &mut GatherStats,
     ) {
         let BundleScratch { near, plain, careful, lists, .. } = scratch;
-        let mut serve = |kind: usize, near: &mut Near| {
+        let mut serve = |kind: usize, near: &mut Collected| {
             for group in groups.iter_mut() {
                 let shift = Shift { bundle, phase, near, kind, group, plain, careful, lists, stats };
                 self.isa.run(shift);

@@ -1,7 +1,8 @@
 //! The rays of a bundle: what is asked of a map for all of them.
 
-use crate::gather::beam::{BeamQuery, GatherStats, Gathered, Pruning};
+use crate::gather::beam::{BeamQuery, Pruning};
 use crate::gather::depth::DepthTable;
+use crate::gather::gathered::{GatherStats, Gathered};
 use crate::gather::phase::PhaseLanes;
 use crate::gather::sampled::{SampledDepths, Samples};
 use crate::math::{Ray, Vec3};
@@ -10,7 +11,7 @@ use crate::photon::discs::PhotonMap;
 /// Rays that gather together: in one medium, from one map.
 #[derive(Clone, Copy, Debug)]
 pub struct Bundle<'a> {
-    /// The rays and their stretches, those of neighbouring pixels next to one another.
+    /// The rays and where their segments begin and end, those of neighbouring pixels next to one another.
     pub rays: &'a [(Ray, f64, f64)],
     /// The medium's phase function.
     pub phase: &'a PhaseLanes,

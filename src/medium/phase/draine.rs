@@ -1,5 +1,5 @@
-use super::term::{self, Arithmetic, Term};
-use super::{Deflection, HenyeyGreenstein, Kind, Phase, henyey_greenstein};
+use super::henyey_greenstein::{self, HenyeyGreenstein};
+use super::kind::{Arithmetic, Deflection, Kind};
 use crate::math::Stream;
 
 /// Draine's phase function (Draine 2003, The Astrophysical Journal 598, Eq. 6): Henyey and Greenstein's times a
@@ -12,12 +12,6 @@ pub struct Draine {
     pub g: f64,
     /// The weight of cos² θ; at least 0.
     pub alpha: f64,
-}
-
-impl From<Draine> for Phase {
-    fn from(phase: Draine) -> Phase {
-        Phase::Draine(phase)
-    }
 }
 
 impl Draine {
@@ -49,17 +43,6 @@ impl Kind for Draine {
     fn mean_cosine(&self) -> f64 {
         self.g * (1.0 + self.alpha * (3.0 + 2.0 * self.g * self.g) / 5.0) / self.norm()
     }
-
-    fn terms(&self, weight: f64, terms: &mut Vec<Term>) {
-        let (lobe, constant) = henyey_greenstein::Form::new(self.g);
-        let form = Form { lobe, alpha: self.alpha as f32 };
-        terms.push(Term {
-            weight: (weight * (constant / self.norm())) as f32,
-            backward: self.g < 0.0,
-            form: term::Form::Draine(form),
-            steepness: form.steepness(),
-        });
-    }
 }
 
 /// Henyey and Greenstein's function of e² times 1 + α cos² θ, which is the same for either peak.
@@ -70,8 +53,14 @@ pub(super) struct Form {
 }
 
 impl Form {
+    /// With the constant that normalises it: that of its lobe by the mean of 1 + α cos² θ.
+    pub(super) fn new(phase: &Draine) -> (Self, f64) {
+        let (lobe, constant) = henyey_greenstein::Form::new(phase.g);
+        (Form { lobe, alpha: phase.alpha as f32 }, constant / phase.norm())
+    }
+
     /// How fast ⅔ of its logarithm changes with the angle, at most: that of 1 + α cos² θ by α/√(1 + α).
-    fn steepness(&self) -> f64 {
+    pub(super) fn steepness(&self) -> f64 {
         let alpha = f64::from(self.alpha);
         self.lobe.steepness() + 2.0 / 3.0 * alpha / (1.0 + alpha).sqrt()
     }

@@ -1,5 +1,4 @@
-use super::term::{self, Arithmetic, Term};
-use super::{Deflection, Kind, NARROWEST, Phase};
+use super::kind::{Arithmetic, Deflection, Kind, NARROWEST};
 use crate::math::Stream;
 use std::f64::consts::PI;
 
@@ -9,12 +8,6 @@ use std::f64::consts::PI;
 pub struct HenyeyGreenstein {
     /// The mean cosine, in (−1, 1); positive forward.
     pub g: f64,
-}
-
-impl From<HenyeyGreenstein> for Phase {
-    fn from(phase: HenyeyGreenstein) -> Phase {
-        Phase::HenyeyGreenstein(phase)
-    }
 }
 
 impl HenyeyGreenstein {
@@ -49,16 +42,6 @@ impl Kind for HenyeyGreenstein {
 
     fn mean_cosine(&self) -> f64 {
         self.g
-    }
-
-    fn terms(&self, weight: f64, terms: &mut Vec<Term>) {
-        let (form, constant) = Form::new(self.g);
-        terms.push(Term {
-            weight: (weight * constant) as f32,
-            backward: self.g < 0.0,
-            form: term::Form::HenyeyGreenstein(form),
-            steepness: form.steepness(),
-        });
     }
 }
 

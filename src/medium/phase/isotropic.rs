@@ -1,5 +1,4 @@
-use super::term::{Form, Term};
-use super::{Deflection, Kind, Phase};
+use super::kind::{Deflection, Kind};
 use crate::math::Stream;
 use std::f64::consts::PI;
 
@@ -9,12 +8,6 @@ pub struct Isotropic;
 
 /// Its value in every direction, 1/4π.
 pub(super) const VALUE: f64 = 0.25 / PI;
-
-impl From<Isotropic> for Phase {
-    fn from(phase: Isotropic) -> Phase {
-        Phase::Isotropic(phase)
-    }
-}
 
 impl Kind for Isotropic {
     fn at(&self, _: Deflection) -> f64 {
@@ -27,10 +20,5 @@ impl Kind for Isotropic {
 
     fn mean_cosine(&self) -> f64 {
         0.0
-    }
-
-    fn terms(&self, weight: f64, terms: &mut Vec<Term>) {
-        let weight = (weight * VALUE) as f32;
-        terms.push(Term { weight, backward: false, form: Form::Even, steepness: 0.0 });
     }
 }

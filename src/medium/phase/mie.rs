@@ -1,6 +1,8 @@
 //! Water droplets, whose Mie scattering is imitated by two lobes.
 
-use super::{Draine, HenyeyGreenstein, Mixture, Phase};
+use super::all::{Mixture, Phase};
+use super::draine::Draine;
+use super::henyey_greenstein::HenyeyGreenstein;
 
 /// The largest diameter, in micrometres, that [`mie`] was fitted to.
 pub const LARGEST_DIAMETER: f64 = 50.0;

@@ -1,17 +1,10 @@
-use super::term::{Arithmetic, Form, Term};
-use super::{Deflection, Kind, Phase};
+use super::kind::{Arithmetic, Deflection, Kind};
 use crate::math::Stream;
 use std::f64::consts::PI;
 
 /// Rayleigh's phase function, p = 3/(16π) (1 + cos² θ).
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Rayleigh;
-
-impl From<Rayleigh> for Phase {
-    fn from(phase: Rayleigh) -> Phase {
-        Phase::Rayleigh(phase)
-    }
-}
 
 impl Kind for Rayleigh {
     fn at(&self, deflection: Deflection) -> f64 {
@@ -30,12 +23,13 @@ impl Kind for Rayleigh {
     fn mean_cosine(&self) -> f64 {
         0.0
     }
-
-    fn terms(&self, weight: f64, terms: &mut Vec<Term>) {
-        let weight = (weight * (3.0 / 16.0 / PI)) as f32;
-        terms.push(Term { weight, backward: false, form: Form::Rayleigh, steepness: 0.5 });
-    }
 }
+
+/// What normalises 1 + cos² θ, 3/(16π).
+pub(super) const CONSTANT: f64 = 3.0 / 16.0 / PI;
+
+/// How fast ⅔ of its logarithm changes with the angle, at most, per radian.
+pub(super) const STEEPNESS: f64 = 0.5;
 
 /// 1 + cos² θ with cos θ = 1 − e²/2, and its derivative by e².
 #[inline(always)]

@@ -1,5 +1,4 @@
-use super::term::{self, Arithmetic, Term};
-use super::{Deflection, Kind, NARROWEST, Phase};
+use super::kind::{Arithmetic, Deflection, Kind, NARROWEST};
 use crate::math::Stream;
 use std::f64::consts::PI;
 
@@ -9,12 +8,6 @@ use std::f64::consts::PI;
 pub struct Schlick {
     /// The shape, in (−1, 1); positive forward. About 1.55 g − 0.55 g³ of the Henyey–Greenstein it imitates.
     pub k: f64,
-}
-
-impl From<Schlick> for Phase {
-    fn from(phase: Schlick) -> Phase {
-        Phase::Schlick(phase)
-    }
 }
 
 impl Kind for Schlick {
@@ -41,17 +34,6 @@ impl Kind for Schlick {
             1.0 / k + (1.0 - k * k) / (2.0 * k * k) * ((-k).ln_1p() - k.ln_1p())
         }
     }
-
-    fn terms(&self, weight: f64, terms: &mut Vec<Term>) {
-        let k = self.k.abs().min(NARROWEST);
-        let form = Form { base: (1.0 - k) as f32, slope: (0.5 * k) as f32 };
-        terms.push(Term {
-            weight: (weight * (0.25 / PI * (1.0 - k) * (1.0 + k))) as f32,
-            backward: self.k < 0.0,
-            form: term::Form::Schlick(form),
-            steepness: form.steepness(),
-        });
-    }
 }
 
 /// (1 − |k| + |k| e²/2)^{−2}.
@@ -62,8 +44,14 @@ pub(super) struct Form {
 }
 
 impl Form {
+    /// With the constant (1 − k²)/4π that normalises it.
+    pub(super) fn new(k: f64) -> (Self, f64) {
+        let k = k.abs().min(NARROWEST);
+        (Form { base: (1.0 - k) as f32, slope: (0.5 * k) as f32 }, 0.25 / PI * (1.0 - k) * (1.0 + k))
+    }
+
     /// How fast ⅔ of its logarithm changes with the angle, at most: (4/3) |k|/√(1 − k²).
-    fn steepness(&self) -> f64 {
+    pub(super) fn steepness(&self) -> f64 {
         let k = 2.0 * f64::from(self.slope);
         4.0 / 3.0 * k.abs() / (1.0 - k * k).sqrt()
     }

@@ -1,26 +1,13 @@
 //! Phase functions as sums of simple terms: the form in which many photons are evaluated at a time.
 
+use super::kind::Arithmetic;
 use super::{draine, henyey_greenstein, rayleigh, schlick};
-
-/// The arithmetic that terms are written in: of one number, or of a block's photons side by side.
-pub(crate) trait Arithmetic: Copy {
-    /// One number, side by side as often as there is room.
-    fn splat(x: f32) -> Self;
-    /// `self − b`
-    fn sub(self, b: Self) -> Self;
-    /// `self · b`
-    fn mul(self, b: Self) -> Self;
-    /// `self · b + c`
-    fn mul_add(self, b: Self, c: Self) -> Self;
-    /// 1/√self
-    fn rsqrt(self) -> Self;
-}
 
 /// A term of a phase function: a weight times a function of the squared distance e² = 2 (1 − cos θ) between the
 /// direction of travel after scattering and the term's peak, which is forward, or for a backward peak
 /// e² = 2 (1 + cos θ). Unlike the cosine, e² does not cancel at the peak.
 ///
-/// Accurate to 2·10⁻⁵ up to |g| = 0.9999; lobes narrower than [`NARROWEST`](super::NARROWEST) are taken as that.
+/// Accurate to 2·10⁻⁵ up to |g| = 0.9999; lobes narrower than [`NARROWEST`](super::kind::NARROWEST) are taken as that.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Term {
     /// What the function is multiplied by, its normalisation included.
@@ -46,6 +33,19 @@ pub(super) enum Form {
     Rayleigh,
     /// Henyey and Greenstein's function times 1 + α (1 − e²/2)².
     Draine(draine::Form),
+}
+
+impl Form {
+    /// How fast ⅔ of its logarithm changes with the angle, at most, per radian.
+    pub(super) fn steepness(&self) -> f64 {
+        match self {
+            Form::Even => 0.0,
+            Form::HenyeyGreenstein(form) => form.steepness(),
+            Form::Schlick(form) => form.steepness(),
+            Form::Rayleigh => rayleigh::STEEPNESS,
+            Form::Draine(form) => form.steepness(),
+        }
+    }
 }
 
 impl Term {

@@ -88,8 +88,11 @@ pub(crate) trait Lanes: Copy {
     /// Writes the lanes of `bits`, packed, to the front of `out`, whose first sixteen numbers may
     /// all be overwritten.
     fn compress(self, bits: u16, out: &mut [f32; LANES]);
-    /// As [`Lanes::compress`], of integers.
-    fn compress_indices(values: &[u32; LANES], bits: u16, out: &mut [u32; LANES]);
+    /// As [`Lanes::compress`], of integers; one by one, where there is no instruction for all.
+    #[inline(always)]
+    fn compress_indices(values: &[u32; LANES], bits: u16, out: &mut [u32; LANES]) {
+        compress_scalar(values, bits, out);
+    }
 }
 
 /// The coefficients of `(2^f − 1)/f` on [−½, ½]: minimax in the relative error of `2^f`, 2·10⁻⁸

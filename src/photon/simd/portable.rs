@@ -142,8 +142,4 @@ impl Lanes for Portable {
     fn compress(self, bits: u16, out: &mut [f32; LANES]) {
         compress_scalar(&self.0, bits, out);
     }
-    #[inline(always)]
-    fn compress_indices(values: &[u32; LANES], bits: u16, out: &mut [u32; LANES]) {
-        compress_scalar(values, bits, out);
-    }
 }

@@ -553,8 +553,4 @@ impl Lanes for Sse2 {
     fn compress(self, bits: u16, out: &mut [f32; LANES]) {
         compress_scalar(&self.row(), bits, out);
     }
-    #[inline(always)]
-    fn compress_indices(values: &[u32; LANES], bits: u16, out: &mut [u32; LANES]) {
-        compress_scalar(values, bits, out);
-    }
 }

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 
 use super::component::{Component, First};
 use super::{Claim, Context, Looking, Mode, Path};
-use crate::gather::{self, PointMaps, Reach, VolumeMaps};
+use crate::gather::{self, EyeSegment, PointMaps, VolumeMaps};
 use crate::math::random::Dimension;
 use crate::medium::{Emission, Medium};
 use crate::photon::walls;
@@ -183,10 +183,10 @@ impl<'s> Looking<'_, '_, 's> {
     }
 
     /// What is to be gathered along a segment, and whether any photon may count.
-    fn reach(&self, segment: &Segment<'_>, luggage: &Luggage<Path>) -> (Reach, bool) {
+    fn reach(&self, segment: &Segment<'_>, luggage: &Luggage<Path>) -> (EyeSegment, bool) {
         // A photon's events, this scattering and those on the eye's side.
         let left = self.eye.settings.max_events.left_after(luggage.events + 1);
-        let reach = Reach {
+        let reach = EyeSegment {
             ray: *segment.ray,
             a: segment.a,
             b: segment.b,
