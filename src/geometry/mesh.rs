@@ -1,7 +1,7 @@
 use super::facing::Facing;
 use super::placed::Face;
 use super::tree::{Children, Search, Tree};
-use crate::math::{Bounds, DVec3, Distribution, Ray, Vec3};
+use crate::math::{Bounds, DMat3, DVec3, Distribution, Ray, Vec3};
 use crate::{Error, Result};
 use glam::Vec2;
 use smallvec::SmallVec;
@@ -20,8 +20,10 @@ pub struct Mesh {
     uvs: Option<Vec<Vec2>>,
     /// In the order of the tree's leaves, counter-clockwise seen from outside.
     triangles: Vec<[u32; 3]>,
-    /// The triangles' areas.
-    areas: Distribution,
+    /// The sum of the triangles' areas,
+    area: f64,
+    /// and all of them, once points are drawn.
+    areas: OnceLock<Distribution>,
     tree: Tree,
     /// Made when walls are first looked for.
     facing: OnceLock<Vec<Facing>>,
@@ -190,8 +192,8 @@ impl Mesh {
             let [a, b, c] = t.map(|i| positions[i as usize].as_dvec3());
             (b - a).cross(c - a)
         };
-        let areas = Distribution::new(triangles.iter().map(|t| 0.5 * cross(t).length()));
-        if areas.is_empty() {
+        let area = triangles.iter().map(|t| 0.5 * cross(t).length()).sum::<f64>();
+        if area <= 0.0 || !area.is_finite() {
             return Err(Error::Scene("a mesh without any triangle that has an area".into()));
         }
         let normals = smooth.then(|| {
@@ -221,7 +223,8 @@ impl Mesh {
             normals: normals.map(|normals: Vec<Vec3>| used.iter().map(|&i| normals[i]).collect()),
             uvs: uvs.map(|uvs| used.iter().map(|&i| uvs[i]).collect()),
             triangles,
-            areas,
+            area,
+            areas: OnceLock::new(),
             tree,
             facing: OnceLock::new(),
             bounds,
@@ -247,7 +250,7 @@ impl Mesh {
 
     /// The sum of the triangles' areas, in object space.
     pub fn area(&self) -> f64 {
-        self.areas.total()
+        self.area
     }
 
     /// The enclosed volume in object space; `None` if open.
@@ -271,23 +274,19 @@ impl Mesh {
         t_max: f64,
         visit: &mut impl FnMut(f64, u32, [f64; 2]) -> f64,
     ) {
-        // ---- axes permuted so that z is the ray's main direction, then sheared onto it
-        let (origin, d) = (ray.origin.to_array(), ray.direction.to_array());
-        let size = ray.direction.abs();
-        let z = if size.x >= size.y && size.x >= size.z {
-            0
+        // ---- axes permuted so that z is the ray's main direction, then sheared onto it: a matrix, for no index depends on
+        // the ray then; its zeros and ones do not round
+        let (d, size) = (ray.direction, ray.direction.abs());
+        let (x, y, z) = if size.x >= size.y && size.x >= size.z {
+            (DVec3::Y, DVec3::Z, DVec3::X)
         } else if size.y >= size.z {
-            1
+            (DVec3::Z, DVec3::X, DVec3::Y)
         } else {
-            2
+            (DVec3::X, DVec3::Y, DVec3::Z)
         };
-        let (x, y) = if d[z] < 0.0 { ((z + 2) % 3, (z + 1) % 3) } else { ((z + 1) % 3, (z + 2) % 3) };
-        let (shear_x, shear_y, shear_z) = (d[x] / d[z], d[y] / d[z], 1.0 / d[z]);
-        let sheared = |i: u32| {
-            let v = self.positions[i as usize].to_array();
-            let z = f64::from(v[z]) - origin[z];
-            [f64::from(v[x]) - origin[x] - shear_x * z, f64::from(v[y]) - origin[y] - shear_y * z, shear_z * z]
-        };
+        let along = d.dot(z);
+        let rows = DMat3::from_cols(x - d.dot(x) / along * z, y - d.dot(y) / along * z, z / along).transpose();
+        let sheared = |i: u32| (rows * (self.positions[i as usize].as_dvec3() - ray.origin)).to_array();
         let mut t_max = t_max;
         self.tree.along(ray, t_min, t_max, |triangle| {
             let [a, b, c] = self.triangles[triangle as usize];
@@ -368,7 +367,12 @@ impl Mesh {
 
     /// A triangle by area, a point in it, and the weights of its second and third corner.
     pub(super) fn sample(&self, [u, v]: [f64; 2]) -> (DVec3, u32) {
-        let (index, u) = self.areas.choose(u).map_or((0, u), |choice| (choice.index as u32, choice.rest));
+        let area = |triangle: u32| {
+            let [a, b, c] = self.corners(triangle);
+            0.5 * (b - a).cross(c - a).length()
+        };
+        let areas = self.areas.get_or_init(|| Distribution::new((0..self.triangles.len() as u32).map(area)));
+        let (index, u) = areas.choose(u).map_or((0, u), |choice| (choice.index as u32, choice.rest));
         let [a, b, c] = self.corners(index);
         let r = u.sqrt();
         (a + r * (1.0 - v) * (b - a) + r * v * (c - a), index)

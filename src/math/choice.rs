@@ -36,13 +36,18 @@ pub fn choose(weights: impl IntoIterator<Item = f64>, total: f64, u: f64) -> Opt
     })
 }
 
-/// Many weights, chosen from by bisection of their running sums.
+/// Many weights, chosen from by bisection of a few of their running sums (the method of cutpoints, Chen and Asau 1974).
 #[derive(Clone, Debug, Default)]
 pub struct Distribution {
     /// Up to and with each, in shares of the total: the last is 1.
     sums: Vec<f64>,
+    /// For each of as many even parts of [0, 1) and for 1, the first sum that is above its beginning; empty if there are few.
+    cuts: Vec<u32>,
     total: f64,
 }
+
+/// So many weights or fewer need no cuts.
+const FEW: usize = 32;
 
 impl Distribution {
     /// Of weights, none of them negative. Nothing can be chosen, and every probability is 0, where their sum is 0 or not
@@ -56,7 +61,16 @@ impl Distribution {
         let mut sums: Vec<f64> = weights.into_iter().map(add).collect();
         let scale = if total > 0.0 && total.is_finite() { total } else { f64::INFINITY };
         sums.iter_mut().for_each(|sum| *sum /= scale);
-        Distribution { sums, total }
+        let mut cuts = Vec::new();
+        if sums.len() > FEW {
+            let (parts, mut index) = (sums.len(), 0);
+            cuts.extend((0..=parts).map(|part| {
+                let from = part as f64 / parts as f64;
+                index += sums[index..].iter().take_while(|sum| **sum <= from).count();
+                index as u32
+            }));
+        }
+        Distribution { sums, cuts, total }
     }
 
     /// The sum of the weights.
@@ -80,7 +94,12 @@ impl Distribution {
         if self.is_empty() {
             return None;
         }
-        let index = self.sums.partition_point(|&sum| sum <= u).min(self.sums.len() - 1);
+        let last = self.sums.len() - 1;
+        // Rounding may choose the next part for a number at the end of one.
+        let part = (u * self.sums.len() as f64) as usize;
+        let from = part.checked_sub(1).and_then(|part| self.cuts.get(part)).map_or(0, |cut| *cut as usize);
+        let to = self.cuts.get(part + 2).map_or(last, |cut| *cut as usize).min(last);
+        let index = from + self.sums[from..to].partition_point(|&sum| sum <= u);
         let probability = self.probability(index);
         let rest = ((u - self.below(index)) / probability).clamp(0.0, BELOW_ONE);
         Some(Choice { index, probability, rest })
@@ -95,6 +114,8 @@ impl Distribution {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::Stream;
+    use crate::math::random::Purpose;
 
     /// Both ways choose each weight as often as it says, spread what is left over [0, 1), and pass over those of weight 0.
     #[test]
@@ -122,6 +143,23 @@ mod tests {
                 assert!(weight > 0.0 || counts[index] == 0, "{index}: {counts:?}");
                 let mean = rests[index] / counts[index] as f64;
                 assert!(counts[index] < 100 || (mean - 0.5).abs() < 1e-3, "{index}: {mean}");
+            }
+        }
+    }
+
+    /// However uneven weights are, and wherever a number lies: the first running sum above it.
+    #[test]
+    fn cuts_lead_to_what_all_sums_say() {
+        let mut stream = Stream::new(1, Purpose::Test, 0, 0);
+        for count in [FEW + 1, 100, 5000] {
+            let weights: Vec<f64> = (0..count).map(|i| [0.0, 1.0, stream.uniform().powi(60)][i % 3]).collect();
+            let many = Distribution::new(weights);
+            let between = (0..20_000).map(|_| stream.uniform()).collect::<Vec<_>>();
+            let edges = (0..=count).map(|i| i as f64 / count as f64).chain(many.sums.iter().copied());
+            let beside = edges.flat_map(|u| [u.next_down(), u, u.next_up()]).filter(|u| (0.0..1.0).contains(u));
+            for u in beside.chain(between) {
+                let expected = many.sums.iter().position(|sum| *sum > u);
+                assert_eq!(many.choose(u).map(|choice| choice.index), expected, "{count} {u}");
             }
         }
     }
