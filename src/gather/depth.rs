@@ -65,9 +65,9 @@ impl DepthTable {
 
     /// Adds a knot at `t`, with D(t) and ρ(t). A second knot at the same place says to what the density jumps there; one
     /// that lies before the last, or at no finite place, is dropped. Depths and densities below what is possible are
-    /// raised to it, and endless ones are taken for the largest finite number.
+    /// raised to it, and those beyond the largest number of single precision are taken for that.
     pub fn push(&mut self, t: f64, depth: f64, density: f64) {
-        let possible = |value: f64| if value > 0.0 { value.min(f64::MAX) } else { 0.0 };
+        let possible = |value: f64| if value > 0.0 { value.min(f64::from(f32::MAX)) } else { 0.0 };
         let (depth, density) = (possible(depth), possible(density));
         match self.knots.last_mut() {
             _ if !t.is_finite() => {}
@@ -97,16 +97,13 @@ impl DepthTable {
         let count = BUCKETS * self.pieces.len();
         let length = last.t - first.t;
         self.buckets_per_length = if length > 0.0 { count as f64 / length } else { 0.0 };
-        let mut piece = 0;
-        for bucket in 0..count {
-            // A look-up scans forward only. Its rounding may choose the next bucket for a place at
-            // the end of this one, so each bucket's piece is that of slightly before its start.
-            let start = first.t + (bucket as f64 - 0.0625) / count as f64 * length;
-            while self.pieces[piece].end <= start && piece + 1 < self.pieces.len() {
-                piece += 1;
-            }
-            self.buckets.push(piece as u32);
+        // A look-up scans forward only. Its rounding may choose the next bucket for a place at the end of this one, so each
+        // bucket's piece is that of slightly before its start.
+        for (index, piece) in self.pieces[..self.pieces.len() - 1].iter().enumerate() {
+            let before = ((piece.end - first.t) * self.buckets_per_length + 0.0625).ceil() as usize;
+            self.buckets.resize(before.clamp(self.buckets.len(), count), index as u32);
         }
+        self.buckets.resize(count, self.pieces.len() as u32 - 1);
     }
 
     /// Makes it the table of a ray through a medium from `a` to `b`, both finite, with lengths and depths from `a` on,
@@ -201,8 +198,7 @@ impl DepthTable {
 
 impl Piece<f64> {
     fn rounded(&self) -> Piece<f32> {
-        let finite = |c: f64| c.min(f64::from(f32::MAX)) as f32;
-        Piece { start: self.start as f32, end: self.end as f32, coefficients: self.coefficients.map(finite) }
+        Piece { start: self.start as f32, end: self.end as f32, coefficients: self.coefficients.map(|c| c as f32) }
     }
 
     fn between(a: &Knot, b: &Knot) -> Self {
@@ -214,8 +210,9 @@ impl Piece<f64> {
         } else {
             // Slopes, in units of the secant's, inside of a circle of radius 3 keep the cubic
             // monotone.
-            let steepness = (start / secant).hypot(end / secant);
-            if steepness > 3.0 {
+            let (a, b) = (start / secant, end / secant);
+            if a * a + b * b > 9.0 {
+                let steepness = a.hypot(b);
                 start *= 3.0 / steepness;
                 end *= 3.0 / steepness;
             }
