@@ -17,7 +17,7 @@
 //!   camera samples that walk from surface to surface.
 //! - [`photon`] draws photons from lights and glowing media, walks them, stores them where they collide, finds
 //!   their radii and builds the hierarchy over their discs.
-//! - [`gather`] answers beam queries: what a stretch of a ray receives from the discs it crosses; and point queries,
+//! - [`gather`] answers beam queries: what a segment of a ray receives from the discs it crosses; and point queries,
 //!   for which it marches along rays.
 //! - [`transport`] is the journey that photons and eye paths share: from vertex to vertex, through media and boundaries;
 //!   light asked for and met, free flights, transmittance, and Russian roulette that keeps the sum of a weight.

@@ -1,5 +1,5 @@
+use super::face::Face;
 use super::facing::Facing;
-use super::placed::Face;
 use super::tree::{Children, Search, Tree};
 use crate::math::{Bounds, DMat3, DVec3, Distribution, Ray, Vec3};
 use crate::{Error, Result};

@@ -17,6 +17,7 @@ mod cuboid;
 mod cylinder;
 mod disk;
 mod ellipsoid;
+mod face;
 mod facing;
 mod lathe;
 mod mesh;

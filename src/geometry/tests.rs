@@ -582,7 +582,7 @@ fn walls_of_a_mesh_are_all_found() {
         let (p, radius) = (1.3 * in_cube(&mut r), 0.6 * r.uniform());
         let all: Vec<(f64, DVec3, bool)> = (0..mesh.triangle_count() as u32)
             .map(|i| {
-                let way = p - placed::Face::Triangle(mesh.corners(i)).closest(p);
+                let way = p - face::Face::Triangle(mesh.corners(i)).closest(p);
                 let distance = way.length();
                 (distance, mesh.normal(i), way.dot(mesh.normal(i)).abs() >= mesh::SAME_WAY * distance)
             })

@@ -59,8 +59,8 @@ impl Distribution {
             total
         };
         let mut sums: Vec<f64> = weights.into_iter().map(add).collect();
-        let scale = if total > 0.0 && total.is_finite() { total } else { f64::INFINITY };
-        sums.iter_mut().for_each(|sum| *sum /= scale);
+        let possible = total > 0.0 && total.is_finite();
+        sums.iter_mut().for_each(|sum| *sum = if possible { *sum / total } else { 0.0 });
         let mut cuts = Vec::new();
         if sums.len() > FEW {
             let (parts, mut index) = (sums.len(), 0);
@@ -169,6 +169,7 @@ mod tests {
         for weights in [vec![], vec![0.0, 0.0], vec![f64::INFINITY], vec![f64::NAN]] {
             let many = Distribution::new(weights.iter().copied());
             assert!(many.is_empty() && many.choose(0.5).is_none(), "{weights:?}");
+            assert!((0..weights.len()).all(|index| many.probability(index) == 0.0), "{weights:?}");
         }
         assert_eq!(choose([0.0; 3], 0.0, 0.5), None);
         assert_eq!(choose([1.0; 3], f64::NAN, 0.5), None);

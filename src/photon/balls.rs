@@ -2,10 +2,9 @@
 //!
 //! Positions lie apart from what a photon carries: a look-up tests several times as many photons as it
 //! gathers. The neighbours of a point are found in two steps: one walk collects the squared distances of
-//! photons within a first bound, and one selection by bisection then finds the n-th of them: among 1.26 n candidates
-//! 9 times as fast as a max-heap built once n are found for n = 50, and 20 times for 200; quickselect takes 3 times as
-//! long. Look-ups that follow one
-//! another are close to one another, so the last radius is a bound that seldom fails.
+//! photons within a first bound, and one selection by bisection then finds the n-th of them. Among 1.26 n candidates
+//! that is 9 times as fast as a heap of the n nearest for n = 50, and 20 times for n = 200; quickselect takes 3 times as
+//! long. Look-ups that follow one another are close to one another, so the last radius is a bound that seldom fails.
 
 use super::kernel::Profile;
 use super::radius::{InMedium, Radii, radius_limits};

@@ -73,7 +73,7 @@ const CHUNK: usize = 256;
 const ROUND: usize = 64;
 
 /// Where boxes bound discs better than spheres: mean radius over the mean longest edge of the box
-/// around a block's photons. Measured in `benches/beam.rs`.
+/// around a block's photons. Measured in `benches/beam/main.rs`.
 const BOXES_BELOW: f64 = 0.5;
 
 /// Photons, their discs' radii, and a hierarchy over the discs.

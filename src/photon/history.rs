@@ -1,4 +1,4 @@
-//! What a photon remembers of its way: decides which maps store it.
+//! What a photon remembers of its way: decides whether it is stored.
 
 /// How light has come since it left its source.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

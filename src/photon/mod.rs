@@ -1,4 +1,10 @@
-//! Volume photons: how they are stored, how wide they are spread, and the hierarchy over them.
+//! Photons in media: how they are traced, stored and spread.
+//!
+//! - `emission` draws where they start, `pilot` finds out how, `tracer` is their journey, `pass` all of them together.
+//! - `history` is what a photon remembers of its way; by that, `sinks` stores it or does not.
+//! - `store` puts photons in order, in blocks and under a tree; `discs` is the map for beam queries, `balls` that for point
+//!   queries, with what both need of `radius`, [`kernel`], [`walls`] and `uneven` densities.
+//! - `simd` holds registers and sets of instructions.
 
 mod balls;
 pub(crate) mod discs;

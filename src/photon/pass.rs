@@ -37,7 +37,8 @@ const PARTS: u64 = 16;
 const LEAST_PART: u64 = 128 * CHUNK;
 /// A map expected to hold more than this many times its target thins itself.
 const CROWDED: f64 = 1.5;
-/// Traces photons. `progress` is told as emissions are done, of [`Pass`]'s number once it is known; `stop` ends
+
+/// Traces photons. `progress` is told how many emissions were done since it was last told, and how many there are to be; `stop` ends
 /// the pass early: what it traced until then stands for all the light, except that it may have traced nothing.
 pub fn trace(
     scene: &Scene,

@@ -48,7 +48,7 @@ const MOST_SPLIT: f64 = 256.0;
 pub(super) enum Entry {
     /// With whatever power they bring.
     Free,
-    /// Likewise, and that power is noted.
+    /// With whatever power they bring, which is noted.
     Noted,
     /// In portions of about this power.
     Portioned(f64),
@@ -59,7 +59,7 @@ pub(super) fn least_to_enter(portion: f64) -> f64 {
     LIGHT * portion
 }
 
-/// How photons are emitted and traced: what [`pilot::prepare`] finds out.
+/// How photons are emitted and traced: what the [pilots](super::pilot) find out.
 pub(super) struct Tracer<'s> {
     pub scene: &'s Scene,
     pub pass: &'s Pass,
@@ -154,7 +154,7 @@ impl<'s> Tracer<'s> {
         }
         let stored = chunk.volume.photons.len();
         chunk.volume.next();
-        let own = Flight { history: History::new(from_light), forced: self.forced, drawn: None };
+        let own = Flight { history: History::new(from_light), forced: self.forced, drawn: None, portion: false };
         let start =
             Part { walk: Walk::start(self.scene, ray, inside), luggage: Luggage::new(power, own), collision: None };
         let mut flying = Flying { tracer: self, chunk, stream, source, collided: false };
@@ -173,6 +173,8 @@ struct Flight {
     forced: bool,
     /// How far it flies, once that is drawn.
     drawn: Option<f64>,
+    /// Whether it is a portion that sets out already.
+    portion: bool,
 }
 
 /// A photon on its way.
@@ -201,6 +203,9 @@ impl<'s> Traveller<'s> for Flying<'_, 's> {
     /// wandering by itself, and weak ones left to roulette. One with the power of hundreds would be seen as a blotch, and
     /// many weak ones take the room of others in the map.
     fn sets_out(&mut self, walk: &Walk<'s>, luggage: &mut Luggage<Flight>, parts: &mut Parts<'s, Flight>) -> bool {
+        if std::mem::take(&mut luggage.own.portion) {
+            return true;
+        }
         let medium = self.tracer.scene.medium(&walk.inside);
         if medium.is_none_or(|medium| !self.tracer.quota.is_deep(medium)) {
             return true;
@@ -225,7 +230,8 @@ impl<'s> Traveller<'s> for Flying<'_, 's> {
             let count = (power / portion).round().min(MOST_SPLIT);
             luggage.weight /= count;
             for _ in 1..count as usize {
-                parts.push(Part { walk: walk.clone(), luggage: luggage.clone(), collision: None });
+                let luggage = luggage.part(luggage.weight, Flight { portion: true, ..luggage.own });
+                parts.push(Part { walk: walk.clone(), luggage, collision: None });
             }
         }
         true

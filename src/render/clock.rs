@@ -2,9 +2,10 @@
 
 use std::time::{Duration, Instant};
 
-/// Whatever the limit of time, a first image may take so long for its photons,
+/// However short the limit of time, a first image may take so long for its photons.
 const FIRST_PHOTONS: Duration = Duration::from_secs(1);
-/// and so long for its first sample of each pixel.
+/// After its photons, a first image may take as long as the limit of time, or so long where that is shorter, for its first
+/// sample of each pixel.
 const FIRST_SAMPLES: Duration = Duration::from_secs(3);
 
 /// A pass that was expected to end in time may exceed the limit of time by this share of it.

@@ -85,13 +85,18 @@ impl Limits {
         Ok(if several { Film::of_passes(width, height, layers) } else { Film::new(width, height, layers) })
     }
 
+    /// The parts that each pass is split into where memory does not matter: several for the standard error of a single pass.
+    pub(super) fn parts_for_error(&self, settings: &Settings) -> u32 {
+        if settings.film.standard_error && self.single(settings) { SUB_PASSES } else { 1 }
+    }
+
     /// The parts that each pass is split into, alike but for their share of `photons` and samples: several for
     /// the standard error of a single pass, or where memory does not hold all photons at once.
     ///
     /// # Errors
     /// [`Error::Limit`] where not even a small part would fit.
     pub fn parts(&self, scene: &Scene, settings: &Settings, photons: u64) -> Result<u32> {
-        let parts = if settings.film.standard_error && self.single(settings) { SUB_PASSES } else { 1 };
+        let parts = self.parts_for_error(settings);
         let Some(memory) = self.memory else { return Ok(parts) };
         let (layers, several) = self.film_of(settings, parts);
         let film = |several| Film::bytes(settings.film.width, settings.film.height, layers, several);

@@ -1,4 +1,4 @@
-//! What photons are stored in for a pass: a map for each thing that is gathered.
+//! What photons are stored in for a pass.
 
 use super::plan::{Plan, Points};
 use crate::gather::{PointMaps, VolumeMaps};
@@ -53,18 +53,9 @@ impl Maps {
 
     /// Of each map that holds photons, with its region.
     pub(super) fn summaries(&self) -> Vec<(u32, Summary)> {
-        let of_beams = |map: &PhotonMap| Summary {
-            photons: map.len(),
-            rejected: map.rejected(),
-            bytes: map.bytes(),
-            radii: map.radii(),
-        };
-        let of_points = |map: &PointMap| Summary {
-            photons: map.len(),
-            rejected: map.rejected(),
-            bytes: map.bytes(),
-            radii: map.radii(),
-        };
+        let summary = |photons, rejected, bytes, radii| Summary { photons, rejected, bytes, radii };
+        let of_beams = |map: &PhotonMap| summary(map.len(), map.rejected(), map.bytes(), map.radii());
+        let of_points = |map: &PointMap| summary(map.len(), map.rejected(), map.bytes(), map.radii());
         match &self.volume {
             None => Vec::new(),
             Some(VolumeMap::Beams(maps)) => maps.by_region().map(|(region, map)| (region, of_beams(map))).collect(),

@@ -96,7 +96,7 @@ pub(super) fn run(
     let clock = Clock::new(limits.time, film.has_samples());
     let mut warnings = Vec::new();
     if let Some(memory) = limits.memory
-        && plan.parts > 1
+        && plan.parts > limits.parts_for_error(settings)
     {
         let (parts, mib) = (plan.parts, memory as f64 / (1u64 << 20) as f64);
         warnings.push(format!("to stay within {mib:.0} MiB, each pass is made in {parts} parts"));
@@ -140,7 +140,7 @@ impl<P: Progress> Renderer<'_, P> {
     /// Makes passes until there is a reason to end.
     fn run(&mut self, passes: RangeInclusive<u32>, target_error: Option<f64>) -> End {
         let (seed, parts) = (self.plan.seed, self.plan.parts);
-        let first = (passes.start() - 1).saturating_mul(parts).saturating_add(1);
+        let first = passes.start().saturating_sub(1).saturating_mul(parts).saturating_add(1);
         let last = passes.end().saturating_mul(parts).min(exact::MOST);
         let precise = |stats: &Stats| {
             let error = stats.error.filter(|_| stats.passes >= TELLING);
@@ -229,6 +229,8 @@ impl<P: Progress> Renderer<'_, P> {
         if self.plan.volume_photons == 0 {
             return Maps::default();
         }
+
+        // Photons.
         let start = Instant::now();
         let announced = AtomicU64::new(0);
         progress.phase("photons", 0);
@@ -242,6 +244,8 @@ impl<P: Progress> Renderer<'_, P> {
         let stop = || self.stop.load(Ordering::Relaxed) || self.clock.ends_photons();
         let traced = photon::trace(scene, &order, &advance, &stop);
         let late = self.clock.ends_photons();
+
+        // What they cost, and whether they are enough.
         self.stats.photons_seconds += start.elapsed().as_secs_f64();
         self.stats.emitted += traced.emitted;
         self.stats.volume += traced.stored();
@@ -268,6 +272,7 @@ impl<P: Progress> Renderer<'_, P> {
             self.warnings.extend(warnings::endless_glow(scene));
         }
 
+        // Their maps.
         let extinctions = mean_extinctions(scene, &traced.regions);
         let start = Instant::now();
         progress.phase("build", 0);

@@ -65,13 +65,13 @@ pub struct Points {
 const VOLUME_PHOTONS: u64 = 2_000_000;
 /// n of adaptive radii, unless the scene file says otherwise.
 const NEIGHBOURS: u32 = 60;
-/// The same where all media that scatter are solids of more than [`THICK`] mean free paths. Only photons within a few
+/// Photons in the volume map where all media that scatter are solids of more than [`THICK`] mean free paths. Only photons within a few
 /// mean free paths of the surface count there, and only those are kept: discs are small even so, but few of them meet
 /// a ray. More neighbours make up for that: light that has scattered often hardly changes within their discs.
 const DENSE_PHOTONS: u64 = 1_000_000;
-/// See [`DENSE_PHOTONS`].
+/// n of adaptive radii where media are as [`DENSE_PHOTONS`] says.
 const DENSE_NEIGHBOURS: u32 = 300;
-/// See [`DENSE_PHOTONS`].
+/// Solids of more mean free paths than this pass hardly any light straight.
 const THICK: f64 = 100.0;
 /// The share of the largest extent of the photons that adaptive radii may reach at most.
 const MAX_RADIUS_SHARE: f64 = 0.1;
@@ -81,21 +81,26 @@ const STEPS: f64 = 64.0;
 const SHORTEST_STEP: f64 = 1.0 / 16.0;
 
 impl Plan {
-    /// Decides.
+    /// Decides what is computed for a scene, from its settings and what limits the render.
     ///
     /// # Errors
     /// [`Error::Scene`](crate::Error::Scene) for a scene in which no walk can end; [`Error::Limit`](crate::Error::Limit) where memory is too short.
     pub fn new(scene: &Scene, settings: &Settings, camera: &Camera, limits: &Limits) -> Result<Plan> {
         let Settings { film, render, volume, .. } = settings;
+
+        // How long walks are, and whether they end.
         let max_events = Events::of_max_depth(render.max_depth);
         let pilot = Pilot { scene, camera, seed: render.seed };
         if !max_events.is_limited() {
             pilot.refuse_eternity()?;
         }
+
+        // How many photons, in how many parts.
         let scatters = scene.media.iter().any(|medium| medium.scatters());
         let photons = volume_photons(scene, settings);
         let parts = limits.parts(scene, settings, photons)?;
-        // The extent that photons can fill: of media with an end, else of the scene.
+
+        // How wide they are spread, by the extent that they can fill: of media with an end, else of the scene.
         let extent = extent_of_media(scene);
         let default_neighbours = if is_dense(scene) { DENSE_NEIGHBOURS } else { NEIGHBOURS };
         let radius = match volume.kernel {
@@ -108,7 +113,7 @@ impl Plan {
             Kernel::Variable => {
                 let neighbours = volume.neighbours.unwrap_or(default_neighbours);
                 // Sub-maps hold fewer photons; the same radius holds fewer neighbours.
-                let neighbours = (neighbours / parts).max(5);
+                let neighbours = if parts > 1 { (neighbours / parts).max(5) } else { neighbours };
                 let pilot = volume.pilot.unwrap_or_else(|| ((neighbours as f64).sqrt().ceil() as u32).max(5));
                 Radius::Variable {
                     neighbours,
@@ -117,6 +122,8 @@ impl Plan {
                 }
             }
         };
+
+        // All together.
         let inside = (camera.aperture() == 0.0 || scene.solids.is_empty()).then(|| scene.inside(camera.position));
         let mut plan = Plan {
             method: render.method,

@@ -26,13 +26,13 @@ pub struct Stats {
     /// The discs' radii, of the last pass.
     #[serde(skip)]
     pub radii: Radii,
-    /// Beam queries.
+    /// What queries cost, of beams or of points.
     pub gather: GatherStats,
     /// Passes done.
     pub passes: u64,
     /// Camera samples per pixel in the image.
     pub samples: u64,
-    /// The relative standard error ([`Film::error`]), where there are several passes.
+    /// The relative standard error ([`Film::error`](super::Film::error)), where there are several passes.
     pub error: Option<f64>,
     /// Counts of mishaps.
     pub tally: Tally,
@@ -64,6 +64,9 @@ impl Stats {
 /// The radii of all maps together.
 fn radii(maps: &[(u32, Summary)]) -> Radii {
     let photons: usize = maps.iter().map(|(_, map)| map.photons).sum();
+    if photons == 0 {
+        return Radii::default();
+    }
     maps.iter().fold(Radii { min: f32::INFINITY, mean: 0.0, max: 0.0 }, |all, (_, map)| {
         let Radii { min, mean, max } = map.radii;
         let share = map.photons as f32 / photons as f32;

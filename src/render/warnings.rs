@@ -1,10 +1,11 @@
 //! What a user should know of a render.
 
+use super::eye::BRIGHTEST;
 use super::maps::medium_of;
 use super::plan::Plan;
 use crate::photon::{Radii, Traced};
 use crate::scene::Scene;
-use crate::transport::Tally;
+use crate::transport::{SAFETY_STOP, Tally};
 
 /// Whether the map is too thin to be trusted.
 pub(super) fn sparse_map(plan: &Plan, traced: &Traced) -> Option<String> {
@@ -25,7 +26,7 @@ pub(super) fn sparse_map(plan: &Plan, traced: &Traced) -> Option<String> {
     }
 }
 
-/// Photons of a glow start in a box around it.
+/// Whether a glowing medium has no end: photons of a glow start in a box around it.
 pub(super) fn endless_glow(scene: &Scene) -> Option<String> {
     let medium = &scene.media[scene.world? as usize];
     let endless = medium.glows() && medium.scatters() && !medium.density.support().size().is_finite();
@@ -43,6 +44,7 @@ const WIDE: f64 = 0.3;
 /// Discs that lean on boundaries blend no depths, but near edges and along the surface they do blur.
 const WIDE_LEANING: f64 = 100.0;
 
+/// Whether a region's photons are spread so wide that its picture is wrong.
 pub(super) fn wide_discs(scene: &Scene, region: u32, radii: Radii, extinction: f64, leans: bool) -> Option<String> {
     let share = radii.mean as f64 * extinction;
     let (most, wrong) =
@@ -55,7 +57,7 @@ pub(super) fn wide_discs(scene: &Scene, region: u32, radii: Radii, extinction: f
     })
 }
 
-/// Of mishaps that were counted.
+/// The warnings of mishaps that were counted.
 pub(super) fn of_tally(tally: &Tally) -> Vec<String> {
     let Tally { violations, stopped, broken } = *tally;
     let mut warnings = Vec::new();
@@ -63,10 +65,10 @@ pub(super) fn of_tally(tally: &Tally) -> Vec<String> {
         warnings.push(format!("{violations} look-ups exceeded their majorant"));
     }
     if stopped > 0 {
-        warnings.push(format!("{stopped} walks were cut off after 10⁹ events"));
+        warnings.push(format!("{stopped} walks were cut off after {SAFETY_STOP} events"));
     }
     if broken > 0 {
-        warnings.push(format!("{broken} samples or photons were dropped because a number was not finite or above 10³⁰: the light is too strong for images of 32-bit numbers"));
+        warnings.push(format!("{broken} samples or photons were dropped because a number was not finite or above {BRIGHTEST:e}: the light is too strong for images of 32-bit numbers"));
     }
     warnings
 }

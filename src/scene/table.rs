@@ -2,6 +2,7 @@
 //! that one run shows as many mistakes as possible.
 
 use std::cell::{Cell, RefCell};
+use std::f64::consts::FRAC_PI_2;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
@@ -225,6 +226,11 @@ impl<'a> Item<'a> {
     /// A number from `low` to `high`, both allowed.
     pub(super) fn within(&self, low: f64, high: f64) -> Read<f64> {
         self.number_where(&format!("a number from {low} to {high}"), |x| low <= x && x <= high)
+    }
+
+    /// An angle in radians, from 0 to a right one.
+    pub(super) fn slope(&self) -> Read<f64> {
+        self.number_where("radians from 0 to π/2 (1.5708)", |x| (0.0..=FRAC_PI_2).contains(&x))
     }
 
     /// An integer from `low` to `high`, both allowed.

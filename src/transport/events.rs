@@ -11,7 +11,7 @@ impl Events {
     /// More than any walk has.
     const ENDLESS: u64 = u64::MAX;
 
-    /// As many as there are.
+    /// No limit: as many as come.
     pub const fn unlimited() -> Self {
         Events { most: Self::ENDLESS }
     }

@@ -64,10 +64,10 @@ pub fn end(medium: &Medium, ray: &Ray, (a, b): (f64, f64), target: f64, weight: 
 }
 
 /// Draws where light that enters `medium` at `a` next collides before `b`, and weights `weight` for it:
-/// for a collision by σ_t,c e^{−τ_c}/p̄, for passing through by e^{−τ_c} over its probability, with the
-/// channels mixed by their present shares. The weight's sum stays the same.
+/// for a collision by σ_t,c e^{−τ_c} over its mean, for passing through by e^{−τ_c} over its mean, both over the
+/// channels by their present shares. The weight's sum stays the same.
 ///
-/// `visit` is called for what is emitted on the way: with a parameter, and the weight that the emitted
+/// `emission` is called for what is emitted on the way: with a parameter, and the weight that the emitted
 /// radiance per length has there, in expectation over the whole flight.
 pub fn fly(
     medium: &Medium,

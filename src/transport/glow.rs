@@ -24,9 +24,9 @@ pub struct Ember {
     pub distance: f64,
     /// σ_a L_e there: radiance per length.
     pub radiance: Rgb,
-    /// With which it was drawn, per steradian and length as seen from the asking point.
+    /// The density with which it was drawn, per steradian and length as seen from the asking point.
     density: f64,
-    /// Of points drawn by chance, per length.
+    /// The density of points drawn by chance on a direction, per length.
     by_length: f64,
 }
 
@@ -57,7 +57,7 @@ impl Rival<'_> {
 }
 
 impl<'s> Glows<'s> {
-    /// Those of a scene.
+    /// All glowing media of a scene that have an end.
     pub fn new(scene: &'s Scene) -> Self {
         Glows { scene, power: scene.glows.iter().map(Glow::power).sum() }
     }
@@ -80,8 +80,8 @@ impl<'s> Glows<'s> {
         Some(Ember { direction, distance, radiance, density, by_length: 1.0 / glow.extent() })
     }
 
-    /// The rival of light of `medium` that a path meets by chance which turned at `from`, where `count` points were
-    /// drawn, and its direction with `by_chance` per steradian.
+    /// The rival of what a path meets by chance of the light of `medium`. The path turned at `from`, where `count` points were
+    /// drawn, into a direction drawn with density `by_chance` per steradian.
     pub fn rival(&self, medium: u32, from: DVec3, count: u32, by_chance: f64) -> Option<Rival<'s>> {
         let glow = self.scene.glows.iter().find(|glow| glow.medium == medium)?;
         let count = f64::from(count) * glow.power() / self.power;

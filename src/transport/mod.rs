@@ -1,5 +1,12 @@
 //! What light and eye share: the walk from surface to surface through the media between, vertices and the journey from one
 //! to the next, free flights and transmittance, and light asked for and met.
+//!
+//! - `journey` is the loop from vertex to vertex, for all kinds of travellers; `walk` goes from one surface to the next,
+//!   segment by segment; `vertex` and `surface` are what is met there.
+//! - `flight` draws collisions and transmittance, `shadow` what passes from a light, `roulette` who goes on.
+//! - `ask` is next-event estimation: it draws lights, and forms the shares (multiple importance sampling) of light asked for
+//!   and met; [`equiangular`] draws places for lights in media, `glow` points of glowing media. Eye paths ask in
+//!   `render/eye/light.rs`.
 
 mod ask;
 mod balance;

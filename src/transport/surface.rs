@@ -13,8 +13,6 @@ pub struct Interaction {
     pub incidence: Incidence,
     /// How far along the ray it is.
     pub t: f64,
-    /// The placed shape.
-    pub shape: u32,
     /// What the surface does with light from there.
     pub bsdf: Bsdf,
     /// New rays start so far off the surface.

@@ -46,7 +46,7 @@ impl Case {
 
 pub(super) fn interaction(bsdf: Bsdf, incidence: Incidence) -> Interaction {
     let (before, after) = (Inside::default(), Inside::default());
-    Interaction { point: DVec3::ZERO, incidence, t: 1.0, shape: 0, bsdf, offset: 1e-9, before, after }
+    Interaction { point: DVec3::ZERO, incidence, t: 1.0, bsdf, offset: 1e-9, before, after }
 }
 
 /// Light that meets a surface with normal z at an angle of this sine, whose shading normal leans by `lean`.

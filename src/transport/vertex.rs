@@ -27,7 +27,7 @@ pub struct Collision<'w> {
     pub clearance: f64,
 }
 
-/// A view of where a path turns: two words, copied nowhere.
+/// A view of where a path turns: two words, that only borrow.
 #[derive(Clone, Copy, Debug)]
 pub enum Vertex<'v> {
     /// On a surface.

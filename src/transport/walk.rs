@@ -78,14 +78,15 @@ impl<'s> Walk<'s> {
 
     /// Goes on to the next surface that does something, through boundaries that do not.
     pub fn advance<V: Visitor>(&mut self, visitor: &mut V) -> Stop<V::End> {
-        if self.t < self.clear
+        let clear = self.clear.min(self.limit);
+        if self.t < clear
             && let Some(medium) = self.scene.medium(&self.inside)
         {
-            let segment = Segment { ray: &self.ray, a: self.t, b: self.clear, medium, inside: &self.inside };
+            let segment = Segment { ray: &self.ray, a: self.t, b: clear, medium, inside: &self.inside };
             if let ControlFlow::Break(end) = visitor.segment(&segment) {
                 return Stop::Ended(end);
             }
-            (self.t, self.crossed) = (self.clear, self.clear);
+            (self.t, self.crossed) = (clear, clear);
         }
         loop {
             let medium = self.scene.medium(&self.inside).filter(|&m| !self.scene.media[m as usize].is_clear());
@@ -161,7 +162,6 @@ impl<'s> Walk<'s> {
             point: self.ray.at(hit.t),
             incidence: Incidence { direction, normal: facing * hit.normal, shading_normal },
             t: hit.t,
-            shape: hit.id,
             bsdf,
             offset: 4.0 * error_bound(&self.ray, hit.t),
             before: self.inside.clone(),

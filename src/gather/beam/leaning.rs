@@ -79,7 +79,8 @@ impl<L: Lanes> Leaning<L> {
         Leaning { across, along, shift, stretch }
     }
 
-    /// As the function of this name, for the point where the ray meets the disc.
+    /// The share of each disc on the photon's side of a wall, and whether the point where the ray meets the disc is there too.
+    /// `a` and `b` are the photon's coordinates across the ray. The disc's plane is not across the ray, as in [`beside_wall`].
     #[inline(always)]
     pub(super) fn beside_wall(
         &self,

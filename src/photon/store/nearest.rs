@@ -1,4 +1,5 @@
-//! Radii of photon discs from the distance to the m-th nearest other photon.
+//! Squared distances of photons to their m-th nearest other, from which their discs get radii; and lists of squared distances,
+//! from which the n-th is selected.
 //!
 //! Exact, and batched by block: a first bound for each photon of a block comes from the blocks next
 //! to it in median order, one walk through the tree finds the nodes near the block, and each photon
@@ -71,6 +72,7 @@ impl<'a> List<'a> {
     /// Appends the lanes of `bits`.
     #[inline(always)]
     pub(crate) fn push<L: Lanes>(&mut self, values: L, bits: u16) {
+        debug_assert!(self.count + LANES <= self.rows.len() * LANES, "no room");
         let flat = self.rows.as_flattened_mut_f32();
         if let Some(out) = flat[self.count..].first_chunk_mut() {
             values.compress(bits, out);

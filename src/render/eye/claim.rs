@@ -6,7 +6,7 @@ use crate::math::Rgb;
 use crate::transport::Tally;
 
 /// Samples of more radiance than this would leave the range of images, which are `f32`: dropped and counted.
-const BRIGHTEST: f64 = 1e30;
+pub const BRIGHTEST: f64 = 1e30;
 
 /// What becomes of the light that a segment gathers. No path waits for it: it is added to the pixel when it is known.
 #[derive(Clone, Copy, Debug)]

@@ -13,6 +13,7 @@ mod single;
 
 use std::ops::ControlFlow;
 
+pub(super) use claim::BRIGHTEST;
 pub use claim::Claim;
 pub use component::{Component, Sample};
 

@@ -1,7 +1,5 @@
 //! `[materials.*]`
 
-use std::f64::consts::FRAC_PI_2;
-
 use crate::math::Rgb;
 use crate::scene::description::Material;
 use crate::scene::table::{Item, Read, Table};
@@ -40,7 +38,7 @@ fn lambert(table: &Table) -> Read<surface::Material> {
 
 fn oren_nayar(table: &Table) -> Read<surface::Material> {
     let reflectance = table.get_or("reflectance", Rgb::splat(0.5), reflectance);
-    let sigma = table.get_or("sigma", 0.3, |item| item.within(0.0, FRAC_PI_2));
+    let sigma = table.get_or("sigma", 0.3, |item| item.slope());
     Ok(OrenNayar { reflectance: reflectance?, sigma: sigma? }.into())
 }
 
