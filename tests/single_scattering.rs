@@ -181,11 +181,11 @@ emission = { radiance = 10 }
 fn a_caustic_survives() {
     let mut checks = Checks::default();
     let depth = "render.max_depth=3";
-    let path = of(CAUSTIC, 16, 1600, &[PATH, depth]);
-    let traced = of(CAUSTIC, 16, 64, &[PHOTON, TRACED, depth, "photons.volume=200_000"]);
-    checks.agree("traced", &traced, &path, 0.004, 0.006);
-    let photons = of(CAUSTIC, 36, 64, &[PHOTON, depth, "photons.volume=200_000"]);
-    checks.agree("photons", &photons, &path, 0.004, 0.01);
+    let path = of(CAUSTIC, 16, 700, &[PATH, depth]);
+    let traced = of(CAUSTIC, 16, 28, &[PHOTON, TRACED, depth, "photons.volume=200_000"]);
+    checks.agree("traced", &traced, &path, 0.0065, 0.006);
+    let photons = of(CAUSTIC, 20, 48, &[PHOTON, depth, "photons.volume=200_000"]);
+    checks.agree("photons", &photons, &path, 0.0065, 0.01);
     // Without what came through the glass it would be darker by more than that.
     let straight = of(CAUSTIC, 16, 400, &[PATH, "render.max_depth=1"]).mean[0];
     let share = 1.0 - straight / path.mean[0];

@@ -2,9 +2,11 @@
 //! by both methods, or is refused with a reason; and each keeps what its first line says.
 
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
+use rayon::{ThreadPool, ThreadPoolBuilder};
 use volpm::Result;
 use volpm::image::LayerData;
 use volpm::render::{Rendering, Silent, render};
@@ -32,8 +34,11 @@ fn try_render(name: &str, overrides: &[&str]) -> Result<(Rendering, Vec<String>)
 /// Renders a scene and checks what holds for all of them.
 #[track_caller]
 fn outcome(name: &str, overrides: &[&str]) -> Outcome {
+    // Threads of its own: those that all tests share may take up another test's work in between.
+    static POOL: LazyLock<ThreadPool> = LazyLock::new(|| ThreadPoolBuilder::new().build().unwrap());
     let start = Instant::now();
-    let (rendering, warnings) = try_render(name, overrides).unwrap_or_else(|error| panic!("{name}: {error}"));
+    let rendered = POOL.install(|| try_render(name, overrides));
+    let (rendering, warnings) = rendered.unwrap_or_else(|error| panic!("{name}: {error}"));
     let seconds = start.elapsed().as_secs_f64();
     assert!(seconds < 30.0, "{name} {overrides:?}: took {seconds:.1} s");
     let image = rendering.film.image();
