@@ -215,3 +215,85 @@ impl Scene {
         bounds
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::random::Purpose;
+    use crate::scene;
+
+    /// Light that may come from a sphere, a disc, a sky, points and spots with and without a size, a sun and a beam.
+    const LIGHTS: &str = r#"
+[camera]
+position = [0, 0, 9]
+target = [0, 0, 0]
+[[shapes]]
+type = "sphere"
+center = [0, 0, 0]
+radius = 1
+emission = { radiance = [3, 2, 1] }
+[[shapes]]
+type = "disk"
+center = [0, 0, 1]
+normal = [0, 0, 1]
+radius = 0.5
+emission = { radiance = 0.2 }
+[[lights]]
+type = "environment"
+radiance = 0.25
+[[lights]]
+type = "point"
+position = [1, 0, 0]
+intensity = 0.7
+[[lights]]
+type = "point"
+position = [1, 0, 0]
+radius = 0.2
+intensity = 0.7
+[[lights]]
+type = "spot"
+position = [0, 0, 0.2]
+target = [0, 0, 9]
+intensity = 5
+[[lights]]
+type = "spot"
+position = [0, 0, 0.2]
+target = [0, 0, 9]
+radius = 0.1
+intensity = 5
+[[lights]]
+type = "directional"
+direction = [0, 0, -1]
+irradiance = 2
+[[lights]]
+type = "directional"
+direction = [0, 0, 1]
+irradiance = 2
+angle = 2
+center = [0, 0, -3]
+radius = 1.5
+"#;
+
+    /// Each light counts for about the irradiance that it brings, from all sides together: the same unit for all, or some
+    /// would hardly be asked beside others.
+    #[test]
+    fn lights_are_chosen_by_the_irradiance_they_bring() {
+        let (scene, _) = scene::from_text(LIGHTS);
+        let mut stream = Stream::new(3, Purpose::Test, 0, 0);
+        let mut failed = Vec::new();
+        for z in [1.3, 2.0, 5.0, 40.0] {
+            let p = DVec3::new(0.1, 0.05, z) - scene.center;
+            for light in &scene.lights {
+                const N: usize = 2000;
+                let arriving = |stream: &mut Stream| {
+                    let arrival = light.arrive(&scene.geometry, p, stream);
+                    arrival.map_or(0.0, |arrival| arrival.radiance.element_sum() / arrival.density)
+                };
+                let irradiance = (0..N).map(|_| arriving(&mut stream)).sum::<f64>() / N as f64;
+                let ratio = light.importance(p) / irradiance;
+                failed.extend((!(0.2..1.7).contains(&ratio)).then(|| format!("{}, z = {z}: {ratio}", light.kind())));
+            }
+        }
+        assert!(failed.is_empty(), "{failed:#?}");
+    }
+}
