@@ -11,6 +11,16 @@ const LEAST_ALONG: f32 = 0.05;
 /// (H/r)² up to which a ray's end is on a wall.
 const ON_WALL: f32 = 0.0625;
 
+/// A wall in the ray's frame: its normal, that along u and v, and the height of the foot points above its plane.
+#[inline(always)]
+fn in_frame<L: Lanes>(wall: &WallLayer, ray: &RayLanes<L>, a: L, b: L) -> ([L; 3], [L; 2], L) {
+    let zero = L::splat(0.0);
+    let normal = load3::<L>(&wall.normal);
+    let (nu, nv) = (dot_plus(&normal, &ray.u, zero), dot_plus(&normal, &ray.v, zero));
+    let height = b.neg_mul_add(nv, a.neg_mul_add(nu, L::load(&wall.distance)));
+    (normal, [nu, nv], height)
+}
+
 /// The share of each disc on the photon's side of its wall, and whether the foot point is there too.
 /// `a` and `b` are the photon's coordinates across the ray: the foot point is x − a u − b v.
 #[inline(always)]
@@ -22,14 +32,11 @@ pub(super) fn beside_wall<L: Lanes>(
     b: L,
     inverse_square: L,
 ) -> (L, L::Mask) {
-    let zero = L::splat(0.0);
-    let normal = load3::<L>(&wall.normal);
-    let (nu, nv) = (dot_plus(&normal, &ray.u, zero), dot_plus(&normal, &ray.v, zero));
-    let height = b.neg_mul_add(nv, a.neg_mul_add(nu, L::load(&wall.distance)));
+    let (_, [nu, nv], height) = in_frame(wall, ray, a, b);
     // The wall cuts the disc's plane in a line at height/sin θ; it never does if the ray is normal to it.
     let sin2 = nu.mul_add(nu, nv.mul(nv)).max(L::splat(f32::MIN_POSITIVE));
     let s2 = height.mul(height).mul(inverse_square).div(sin2);
-    (profile.disc_share_lanes(s2), zero.less(height))
+    (profile.disc_share_lanes(s2), L::splat(0.0).less(height))
 }
 
 /// Discs that lie along a wall, and others across the ray, of one block.
@@ -57,13 +64,11 @@ impl<L: Lanes> Leaning<L> {
     #[inline(always)]
     pub(super) fn new(wall: &WallLayer, bits: u16, ray: &RayLanes<L>, [t, a, b]: [L; 3], inverse_square: L) -> Self {
         let (zero, one) = (L::splat(0.0), L::splat(1.0));
-        let normal = load3::<L>(&wall.normal);
-        let (nu, nv) = (dot_plus(&normal, &ray.u, zero), dot_plus(&normal, &ray.v, zero));
+        let (normal, [nu, nv], foot) = in_frame(wall, ray, a, b);
         let along = dot_plus(&normal, &ray.omega, zero);
         let sign = one.select(zero.less_equal(along), L::splat(-1.0));
         // The end of the ray that may be on the wall, and how high above the wall's plane it is.
         let end = zero.select(zero.less(sign), ray.length).sub(t);
-        let foot = b.neg_mul_add(nv, a.neg_mul_add(nu, L::load(&wall.distance)));
         let height = end.mul_add(along, foot);
         let mask = L::mask(bits & L::bits(height.mul(height).mul(inverse_square).less(L::splat(ON_WALL))));
         let along = along.mul(sign);
@@ -92,10 +97,8 @@ impl<L: Lanes> Leaning<L> {
         inverse_square: L,
     ) -> (L, L::Mask) {
         let zero = L::splat(0.0);
-        let normal = load3::<L>(&wall.normal);
-        let (nu, nv) = (dot_plus(&normal, &ray.u, zero), dot_plus(&normal, &ray.v, zero));
+        let (normal, [nu, nv], foot) = in_frame(wall, ray, a, b);
         let nw = dot_plus(&normal, &ray.omega, zero);
-        let foot = b.neg_mul_add(nv, a.neg_mul_add(nu, L::load(&wall.distance)));
         let height = self.shift.mul_add(nw, foot);
         let cos = nw.mul_add(self.along, nu.mul_add(self.across[0], nv.mul(self.across[1])));
         let sin2 = cos.neg_mul_add(cos, L::splat(1.0)).max(L::splat(1e-6));

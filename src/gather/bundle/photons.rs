@@ -55,6 +55,14 @@ impl<const N: usize> Field<N> {
     }
 }
 
+/// Writes three fields of the photons of `bits`, packed, from place `at` on.
+#[inline(always)]
+fn write3<L: Lanes, const N: usize>(fields: &mut [Field<N>], first: usize, at: usize, values: &[L; 3], bits: u16) {
+    for axis in 0..3 {
+        fields[first + axis].write(at, values[axis], bits);
+    }
+}
+
 /// Photons near the bundle.
 #[derive(Debug)]
 pub(super) struct Collected {
@@ -117,11 +125,9 @@ impl Collected {
         power: &[L; 3],
         bits: u16,
     ) {
-        for axis in 0..3 {
-            self.fields[Self::POSITION + axis].write(self.len, position[axis], bits);
-            self.fields[Self::DIRECTION + axis].write(self.len, direction[axis], bits);
-            self.fields[Self::POWER + axis].write(self.len, power[axis], bits);
-        }
+        write3(&mut self.fields, Self::POSITION, self.len, position, bits);
+        write3(&mut self.fields, Self::DIRECTION, self.len, direction, bits);
+        write3(&mut self.fields, Self::POWER, self.len, power, bits);
         self.fields[Self::INVERSE_SQUARE].write(self.len, inverse_square, bits);
     }
 
@@ -129,9 +135,7 @@ impl Collected {
     #[inline(always)]
     pub(super) fn write_wall<L: Lanes>(&mut self, wall: usize, normal: &[L; 3], distance: L, bits: u16) {
         let first = Self::WALLS + WALL_FIELDS * wall;
-        for axis in 0..3 {
-            self.fields[first + axis].write(self.len, normal[axis], bits);
-        }
+        write3(&mut self.fields[..], first, self.len, normal, bits);
         self.fields[first + 3].write(self.len, distance, bits);
     }
 
@@ -229,16 +233,11 @@ impl Shifted {
     /// Writes the photons of `bits` behind the last one; they count once [`Shifted::advance`] is called.
     #[inline(always)]
     pub(super) fn write<L: Lanes>(&mut self, photons: &PhotonLanes<L>, bits: u16) {
-        for axis in 0..3 {
-            self.fields[Self::POSITION + axis].write(self.len, photons.position[axis], bits);
-        }
-        self.fields[Self::INVERSE_SQUARE].write(self.len, photons.inverse_square, bits);
-        for axis in 0..3 {
-            self.fields[Self::CHANGE + axis].write(self.len, photons.change[axis], bits);
-        }
-        for channel in 0..3 {
-            self.fields[Self::POWER + channel].write(self.len, photons.power[channel], bits);
-        }
+        let fields = &mut self.fields[..];
+        write3(fields, Self::POSITION, self.len, &photons.position, bits);
+        fields[Self::INVERSE_SQUARE].write(self.len, photons.inverse_square, bits);
+        write3(fields, Self::CHANGE, self.len, &photons.change, bits);
+        write3(fields, Self::POWER, self.len, &photons.power, bits);
     }
 
     /// Writes 1/r of the photons of `bits`.
@@ -251,9 +250,7 @@ impl Shifted {
     #[inline(always)]
     pub(super) fn write_wall<L: Lanes>(&mut self, wall: usize, normal: &[L; 3], distance: L, bits: u16) {
         let first = Self::WALLS + WALL_FIELDS * wall;
-        for axis in 0..3 {
-            self.fields[first + axis].write(self.len, normal[axis], bits);
-        }
+        write3(&mut self.fields[..], first, self.len, normal, bits);
         self.fields[first + 3].write(self.len, distance, bits);
     }
 
