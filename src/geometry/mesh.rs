@@ -1,7 +1,8 @@
 use super::face::Face;
 use super::facing::Facing;
 use super::tree::{Children, Search, Tree};
-use crate::math::{Bounds, DMat3, DVec3, Distribution, Ray, Vec3};
+use super::triangles::{Sheared, Triangles};
+use crate::math::{Bounds, DVec3, Distribution, Ray, Vec3};
 use crate::{Error, Result};
 use glam::Vec2;
 use smallvec::SmallVec;
@@ -13,13 +14,14 @@ use std::sync::OnceLock;
 /// file; the counter-clockwise side otherwise.
 #[derive(Debug)]
 pub struct Mesh {
-    positions: Vec<Vec3>,
+    /// In the order of the tree's leaves, counter-clockwise seen from outside.
+    triangles: Triangles,
     /// One a vertex; none for flat shading.
     normals: Option<Vec<Vec3>>,
     /// One a vertex.
     uvs: Option<Vec<Vec2>>,
-    /// In the order of the tree's leaves, counter-clockwise seen from outside.
-    triangles: Vec<[u32; 3]>,
+    /// The vertices of each triangle; empty if vertices have neither normals nor texture coordinates.
+    vertices: Vec<[u32; 3]>,
     /// The sum of the triangles' areas,
     area: f64,
     /// and all of them, once points are drawn.
@@ -207,22 +209,28 @@ impl Mesh {
             given.map(|(n, &s)| n.try_normalize().unwrap_or(means[s as usize].normalize_or_zero().as_vec3())).collect()
         });
         let uvs = (uvs.len() == positions.len()).then_some(uvs);
+        let corners = Triangles::new(triangles.iter().map(|t| t.map(|i| positions[i as usize])));
+        drop(positions);
         // ---- vertices in the order of their first use: neighbours lie together in memory
-        let mut place = vec![u32::MAX; positions.len()];
-        let mut used = Vec::with_capacity(positions.len());
-        for i in triangles.iter_mut().flatten() {
-            let place = &mut place[*i as usize];
-            if *place == u32::MAX {
-                *place = used.len() as u32;
-                used.push(*i as usize);
+        let mut used = Vec::new();
+        if normals.is_some() || uvs.is_some() {
+            let mut place = vec![u32::MAX; site.len()];
+            for i in triangles.iter_mut().flatten() {
+                let place = &mut place[*i as usize];
+                if *place == u32::MAX {
+                    *place = used.len() as u32;
+                    used.push(*i as usize);
+                }
+                *i = *place;
             }
-            *i = *place;
+        } else {
+            triangles = Vec::new();
         }
         Ok(Mesh {
-            positions: used.iter().map(|&i| positions[i]).collect(),
+            triangles: corners,
             normals: normals.map(|normals: Vec<Vec3>| used.iter().map(|&i| normals[i]).collect()),
             uvs: uvs.map(|uvs| used.iter().map(|&i| uvs[i]).collect()),
-            triangles,
+            vertices: triangles,
             area,
             areas: OnceLock::new(),
             tree,
@@ -235,7 +243,7 @@ impl Mesh {
 
     /// How many triangles there are, without those whose corners coincide.
     pub fn triangle_count(&self) -> usize {
-        self.triangles.len()
+        self.triangles.count()
     }
 
     /// The box around the triangles, in object space.
@@ -260,12 +268,11 @@ impl Mesh {
 
     /// The corners of a triangle.
     pub(super) fn corners(&self, triangle: u32) -> [DVec3; 3] {
-        self.triangles[triangle as usize].map(|i| self.positions[i as usize].as_dvec3())
+        self.triangles.corners(triangle)
     }
 
-    /// The watertight test of Woop, Benthin and Wald 2013, in `f64`: neighbours see a shared edge from
-    /// the same side, so no ray passes between them. `visit` gets parameter, triangle and the weights
-    /// of its second and third corner, and returns the new `t_max`.
+    /// `visit` gets parameter, triangle and the weights of its second and third corner where the ray meets it, and returns
+    /// the new `t_max`. Watertight: no ray passes between triangles that share an edge.
     #[inline]
     pub(super) fn crossings(
         &self,
@@ -274,37 +281,23 @@ impl Mesh {
         t_max: f64,
         visit: &mut impl FnMut(f64, u32, [f64; 2]) -> f64,
     ) {
-        // ---- axes permuted so that z is the ray's main direction, then sheared onto it: a matrix, for no index depends on
-        // the ray then; its zeros and ones do not round
-        let (d, size) = (ray.direction, ray.direction.abs());
-        let (x, y, z) = if size.x >= size.y && size.x >= size.z {
-            (DVec3::Y, DVec3::Z, DVec3::X)
-        } else if size.y >= size.z {
-            (DVec3::Z, DVec3::X, DVec3::Y)
-        } else {
-            (DVec3::X, DVec3::Y, DVec3::Z)
-        };
-        let along = d.dot(z);
-        let rows = DMat3::from_cols(x - d.dot(x) / along * z, y - d.dot(y) / along * z, z / along).transpose();
-        let sheared = |i: u32| (rows * (self.positions[i as usize].as_dvec3() - ray.origin)).to_array();
+        let mut sheared = None;
         let mut t_max = t_max;
-        self.tree.along(ray, t_min, t_max, |triangle| {
-            let [a, b, c] = self.triangles[triangle as usize];
-            let (a, b, c) = (sheared(a), sheared(b), sheared(c));
-            let u = c[0] * b[1] - c[1] * b[0];
-            let v = a[0] * c[1] - a[1] * c[0];
-            let w = b[0] * a[1] - b[1] * a[0];
-            if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
-                return t_max;
-            }
-            let det = u + v + w;
-            if det == 0.0 {
-                return t_max;
-            }
-            let t = (u * a[2] + v * b[2] + w * c[2]) / det;
-            if t > t_min && t < t_max {
-                t_max = visit(t, triangle, [v / det, w / det]);
-            }
+        self.tree.leaves_along(ray, t_min, t_max, |leaves| {
+            let sheared = sheared.get_or_insert_with(|| Sheared::new(&self.triangles, ray));
+            leaves.in_fours(|four, lanes| {
+                let mut met = sheared.may_meet(four) & lanes;
+                while met != 0 {
+                    let triangle = 4 * four as u32 + met.trailing_zeros();
+                    met &= met - 1;
+                    if let Some((t, weights)) = sheared.meets(triangle)
+                        && t > t_min
+                        && t < t_max
+                    {
+                        t_max = visit(t, triangle, weights);
+                    }
+                }
+            });
             t_max
         });
     }
@@ -318,14 +311,14 @@ impl Mesh {
     /// The shading normal in the hemisphere of `geometric`, not normalised, and the texture
     /// coordinates; the weights themselves where the file has none.
     pub(super) fn shading(&self, triangle: u32, [v, w]: [f64; 2], geometric: DVec3) -> (DVec3, [f64; 2]) {
-        let corners = self.triangles[triangle as usize];
+        let vertices = self.vertices.get(triangle as usize).copied().unwrap_or_default();
         let weights = [1.0 - v - w, v, w];
         let normal = self.normals.as_ref().map_or(geometric, |normals| {
-            let n: DVec3 = corners.iter().zip(weights).map(|(&i, w)| w * normals[i as usize].as_dvec3()).sum();
+            let n: DVec3 = vertices.iter().zip(weights).map(|(&i, w)| w * normals[i as usize].as_dvec3()).sum();
             if n.length_squared() < 1e-12 { geometric } else { n }
         });
         let uv = self.uvs.as_ref().map_or([v, w], |uvs| {
-            let uv: glam::DVec2 = corners.iter().zip(weights).map(|(&i, w)| w * uvs[i as usize].as_dvec2()).sum();
+            let uv: glam::DVec2 = vertices.iter().zip(weights).map(|(&i, w)| w * uvs[i as usize].as_dvec2()).sum();
             uv.to_array()
         });
         (normal, uv)
@@ -371,7 +364,7 @@ impl Mesh {
             let [a, b, c] = self.corners(triangle);
             0.5 * (b - a).cross(c - a).length()
         };
-        let areas = self.areas.get_or_init(|| Distribution::new((0..self.triangles.len() as u32).map(area)));
+        let areas = self.areas.get_or_init(|| Distribution::new((0..self.triangles.count() as u32).map(area)));
         let (index, u) = areas.choose(u).map_or((0, u), |choice| (choice.index as u32, choice.rest));
         let [a, b, c] = self.corners(index);
         let r = u.sqrt();

@@ -27,6 +27,7 @@ mod placed;
 mod quad;
 mod sphere;
 mod tree;
+mod triangles;
 
 pub use all::Geometry;
 pub use area::{AreaSample, DirectionSample};

@@ -156,6 +156,21 @@ impl Tree {
     /// [`Tree::order`] and returns the new `t_max`; negative infinity ends the traversal.
     #[inline]
     pub fn along(&self, ray: &Ray, t_min: f64, t_max: f64, mut visit: impl FnMut(u32) -> f64) {
+        self.leaves_along(ray, t_min, t_max, |leaves| {
+            let mut t = t_max;
+            for index in leaves {
+                t = visit(index);
+                if t == f64::NEG_INFINITY {
+                    break;
+                }
+            }
+            t
+        });
+    }
+
+    /// As [`Tree::along`], with the boxes that one node's leaves hold at once.
+    #[inline]
+    pub fn leaves_along(&self, ray: &Ray, t_min: f64, t_max: f64, mut visit: impl FnMut(Leaves) -> f64) {
         if self.nodes.nodes.is_empty() {
             return;
         }
@@ -169,7 +184,9 @@ impl Tree {
             let origin = (ray.at(start) - self.center) * self.scale;
             if origin.is_finite() {
                 let rounded = |t: f64| ((t - start) * (1.0 + 1e-6)) as f32;
-                few.along(origin, ray.direction * self.scale, rounded(t_max), |index| rounded(visit(index)));
+                few.along(origin, ray.direction * self.scale, rounded(t_max), |index| {
+                    rounded(visit(Leaves { first: index, met: 1 }))
+                });
             }
             return;
         }
@@ -196,8 +213,8 @@ impl Tree {
             octant,
             &mut cube_ray,
             |node, ray| node.intersect_ray(ray, octant),
-            |index, ray| {
-                let t = visit(index);
+            |leaves, ray| {
+                let t = visit(leaves);
                 ray.tmax = if t == f64::NEG_INFINITY { t as f32 } else { to_cube(t) };
                 ray.tmax >= 0.0
             },
@@ -222,8 +239,8 @@ impl Tree {
             0,
             &mut (),
             |node, ()| node.intersect_aabb(&cube, 0),
-            |index, ()| {
-                visit(index);
+            |leaves, ()| {
+                leaves.for_each(&mut visit);
                 true
             },
         );
@@ -315,14 +332,14 @@ impl Tree {
     }
 
     /// The traversal of Ylitie et al. 2017, section 4.2. `test` gives the mask of a node's children to
-    /// visit, `visit` whether to go on.
+    /// visit, `visit`, which gets what is met of a node's leaves, whether to go on.
     #[inline]
     fn walk<S>(
         &self,
         octant: u32,
         state: &mut S,
         test: impl Fn(&CwBvhNode, &S) -> u32,
-        mut visit: impl FnMut(u32, &mut S) -> bool,
+        mut visit: impl FnMut(Leaves, &mut S) -> bool,
     ) {
         let mut pending = Pending::new();
         let mut group = UVec2::new(0, 0x8000_0000);
@@ -339,13 +356,9 @@ impl Tree {
             let node = &self.nodes.nodes[(group.x + rank) as usize];
             let hits = test(node, state);
             // ---- its leaves
-            let mut leaves = hits & !INNER;
-            while leaves != 0 {
-                let bit = firstbithigh(leaves);
-                leaves &= !(1 << bit);
-                if !visit(node.primitive_base_idx + bit, state) {
-                    return;
-                }
+            let leaves = Leaves { first: node.primitive_base_idx, met: hits & !INNER };
+            if leaves.met != 0 && !visit(leaves, state) {
+                return;
             }
             // ---- its inner children, or else the next group
             group = UVec2::new(node.child_base_idx, hits & INNER | u32::from(node.imask));
@@ -356,6 +369,39 @@ impl Tree {
                 }
             }
         }
+    }
+}
+
+/// Boxes of a node's leaves, by their places in [`Tree::order`].
+#[derive(Clone, Copy)]
+pub(super) struct Leaves {
+    first: u32,
+    /// A bit for each of those from `first` on, at most 24.
+    met: u32,
+}
+
+impl Leaves {
+    /// Calls `visit` with fours of places, `4 i` to `4 i + 3`, by `i` and a bit for each that is met.
+    #[inline(always)]
+    pub fn in_fours(self, mut visit: impl FnMut(usize, u32)) {
+        let four = self.first as usize / 4;
+        let mut met = self.met << (self.first % 4);
+        while met != 0 {
+            let k = met.trailing_zeros() / 4;
+            visit(four + k as usize, met >> (4 * k) & 0b1111);
+            met &= !(0b1111 << (4 * k));
+        }
+    }
+}
+
+impl Iterator for Leaves {
+    type Item = u32;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<u32> {
+        let bit = self.met.trailing_zeros();
+        self.met &= self.met.wrapping_sub(1);
+        (bit < u32::BITS).then_some(self.first + bit)
     }
 }
 
