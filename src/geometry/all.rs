@@ -1,5 +1,7 @@
 //! All shapes of a scene, and what rays and points meet of them.
 
+use std::ops::Range;
+
 use smallvec::SmallVec;
 
 use super::tree::Tree;
@@ -13,6 +15,13 @@ pub(super) struct Crossing {
     id: u32,
     primitive: u32,
     weights: [f64; 2],
+}
+
+/// Puts crossings in the order in which a ray meets them; where several coincide, by shape and primitive.
+fn sort(crossings: &mut [Crossing]) {
+    if crossings.len() > 1 {
+        crossings.sort_unstable_by(|a, b| a.t.total_cmp(&b.t).then((a.id, a.primitive).cmp(&(b.id, b.primitive))));
+    }
 }
 
 /// All placed shapes of a scene.
@@ -65,9 +74,8 @@ impl Geometry {
     /// The nearest hit with `t_min < t < t_max` and those that coincide with it go into `out`. Returns
     /// whether there is one.
     pub fn intersect(&self, ray: &Ray, t_min: f64, t_max: f64, out: &mut Cluster) -> bool {
-        let Cluster { crossings, hits } = out;
+        let crossings = &mut out.crossings;
         crossings.clear();
-        hits.clear();
         let (mut nearest, mut limit) = (f64::INFINITY, t_max);
         self.crossings(ray, t_min, t_max, |crossing| {
             if crossing.t < nearest {
@@ -81,12 +89,42 @@ impl Geometry {
             crossings.push(crossing);
             limit
         });
-        if crossings.len() > 1 {
-            crossings.sort_unstable_by(|a, b| a.t.total_cmp(&b.t).then((a.id, a.primitive).cmp(&(b.id, b.primitive))));
-        }
-        for crossing in crossings.iter() {
-            hits.push(self.hit(ray, crossing));
-        }
+        sort(crossings);
+        self.take(ray, out, 0..out.crossings.len())
+    }
+
+    /// All crossings with `t_min < t < t_max` go into `out`, for [`Geometry::intersect_next`] to take. Returns whether none of
+    /// them is of a shape for whose id `blocks` holds; what there is in `out` is of no use otherwise.
+    pub fn collect(&self, ray: &Ray, t_min: f64, t_max: f64, blocks: impl Fn(u32) -> bool, out: &mut Cluster) -> bool {
+        let crossings = &mut out.crossings;
+        crossings.clear();
+        let mut free = true;
+        self.crossings(ray, t_min, t_max, |crossing| {
+            free = free && !blocks(crossing.id);
+            crossings.push(crossing);
+            if free { t_max } else { f64::NEG_INFINITY }
+        });
+        sort(crossings);
+        free
+    }
+
+    /// What [`Geometry::intersect`] finds, of the crossings that [`Geometry::collect`] found on this ray.
+    pub fn intersect_next(&self, ray: &Ray, t_min: f64, t_max: f64, out: &mut Cluster) -> bool {
+        let first = out.crossings.partition_point(|c| c.t <= t_min);
+        let Some(nearest) = out.crossings.get(first).filter(|c| c.t < t_max) else {
+            out.hits.clear();
+            return false;
+        };
+        let last = (nearest.t + error_bound(ray, nearest.t)).min(t_max.next_down());
+        let count = out.crossings[first..].iter().take_while(|c| c.t <= last).count();
+        self.take(ray, out, first..first + count)
+    }
+
+    /// These of the crossings become the hits.
+    fn take(&self, ray: &Ray, out: &mut Cluster, range: Range<usize>) -> bool {
+        let Cluster { crossings, hits } = out;
+        hits.clear();
+        hits.extend(crossings[range].iter().map(|crossing| self.hit(ray, crossing)));
         !hits.is_empty()
     }
 
@@ -108,6 +146,7 @@ impl Geometry {
         blocked
     }
 
+    #[inline]
     fn hit(&self, ray: &Ray, c: &Crossing) -> Hit {
         let surface = self.placed[c.id as usize].surface(ray, c.t, c.primitive, c.weights);
         Hit {

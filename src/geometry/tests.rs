@@ -383,7 +383,18 @@ fn the_tree_finds_what_a_loop_finds() {
             assert_eq!(tree.intersect(&ray, 0.1, 600.0, &mut cluster), nearest < 600.0);
             let key = |hit: &Hit| (hit.t.to_bits(), hit.id, hit.primitive);
             assert!(cluster.hits().iter().map(key).eq(expected));
+            // ---- the same one by one, of all that were collected
+            let mut collected = Cluster::default();
+            assert!(tree.collect(&ray, 0.1, 600.0, |_| false, &mut collected));
+            let mut t = 0.1;
+            while tree.intersect(&ray, t, 600.0, &mut cluster) {
+                assert!(tree.intersect_next(&ray, t, 600.0, &mut collected));
+                assert!(cluster.hits().iter().map(key).eq(collected.hits().iter().map(key)));
+                t = cluster.hits().last().unwrap().t;
+            }
+            assert!(!tree.intersect_next(&ray, t, 600.0, &mut collected));
             let blocks = |id: u32| id % 3 == 1;
+            assert_eq!(tree.collect(&ray, 0.1, 600.0, blocks, &mut collected), !found.iter().any(|hit| blocks(hit.1)));
             assert_eq!(tree.occluded(&ray, 0.1, 600.0, blocks), found.iter().any(|hit| blocks(hit.1)));
             // ---- what is around a point
             let p = 2.0 * in_cube(&mut r);

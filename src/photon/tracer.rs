@@ -8,7 +8,7 @@ use super::emission::{Sources, Start};
 use super::history::History;
 use super::sinks::{VolumeQuota, VolumeSink};
 use crate::math::random::Purpose;
-use crate::math::{Rgb, Stream};
+use crate::math::{Ray, Rgb, Stream};
 use crate::scene::Scene;
 use crate::scene::description::SingleScattering;
 use crate::surface::{Nature, Side};
@@ -238,7 +238,7 @@ impl<'s> Traveller<'s> for Flying<'_, 's> {
     }
 
     /// Flights through dense media end long before the far side of a solid: they are drawn first.
-    fn farthest(&mut self, medium: u32, luggage: &mut Luggage<Flight>) -> f64 {
+    fn farthest(&mut self, medium: u32, _: &Ray, luggage: &mut Luggage<Flight>) -> f64 {
         let medium = &self.tracer.scene.media[medium as usize];
         if luggage.own.forced || !medium.density.is_even() {
             return f64::INFINITY;

@@ -43,8 +43,8 @@ pub struct Draw {
 impl Flight {
     /// Through a segment entered with `weight`.
     pub fn new(segment: &Segment<'_>, medium: &Medium, weight: Rgb) -> Self {
-        let extinction = medium.extinction.element_sum() / 3.0 * medium.density.max();
-        Flight { ray: *segment.ray, a: segment.a, b: segment.b, weight, chance: 1.0, reach: 1.0 / extinction }
+        let reach = mean_free_path(medium);
+        Flight { ray: *segment.ray, a: segment.a, b: segment.b, weight, chance: 1.0, reach }
     }
 
     /// This flight where a collision is certain to be drawn.
@@ -58,7 +58,8 @@ impl Flight {
         flight::flight_density(medium, &self.ray, self.a, t, self.weight) / self.chance
     }
 
-    /// How much a light matters to this flight; 0 for those it leaves to collisions by chance.
+    /// How much a light matters to this flight; 0 for those it leaves to collisions by chance, wherever on its line it begins
+    /// and ends.
     fn importance(&self, light: &Light) -> f64 {
         let (center, power, area) = match light {
             Light::Point(point) => (point.position, point.intensity, 0.0),
@@ -122,6 +123,18 @@ impl Flight {
             0.0
         }
     }
+}
+
+/// Where the medium is densest, by its mean extinction.
+fn mean_free_path(medium: &Medium) -> f64 {
+    1.0 / (medium.extinction.element_sum() / 3.0 * medium.density.max())
+}
+
+/// Whether there is a light to be drawn on flights along this line.
+pub fn matters(scene: &Scene, medium: &Medium, ray: &Ray) -> bool {
+    let (a, b, weight) = (0.0, f64::INFINITY, Rgb::ONE);
+    let flight = Flight { ray: *ray, a, b, weight, chance: 1.0, reach: mean_free_path(medium) };
+    scene.lights.iter().any(|light| flight.importance(light) > 0.0)
 }
 
 /// Draws a light, a point on it, and a distance on the segment for them.

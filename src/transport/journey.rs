@@ -10,7 +10,7 @@ use super::roulette::endures;
 use super::segment::{Crossing, Segment};
 use super::vertex::{Collision, Vertex};
 use super::walk::{Stop, Visitor, Walk};
-use crate::math::{DVec3, Rgb, Stream};
+use crate::math::{DVec3, Ray, Rgb, Stream};
 use crate::scene::Scene;
 use crate::surface::Nature;
 
@@ -86,7 +86,7 @@ pub trait Traveller<'s> {
     }
 
     /// How far it gets in a medium at most, if it knows: see [`Visitor::farthest`].
-    fn farthest(&mut self, _medium: u32, _luggage: &mut Luggage<Self::Own>) -> f64 {
+    fn farthest(&mut self, _medium: u32, _ray: &Ray, _luggage: &mut Luggage<Self::Own>) -> f64 {
         f64::INFINITY
     }
 
@@ -196,8 +196,8 @@ impl<'s, T: Traveller<'s>> Visitor for Passage<'_, 's, T> {
     /// The parameter and the medium of a collision.
     type End = (f64, u32);
 
-    fn farthest(&mut self, medium: u32) -> f64 {
-        self.traveller.farthest(medium, self.luggage)
+    fn farthest(&mut self, medium: u32, ray: &Ray) -> f64 {
+        self.traveller.farthest(medium, ray, self.luggage)
     }
 
     fn segment(&mut self, segment: &Segment<'_>) -> ControlFlow<(f64, u32)> {

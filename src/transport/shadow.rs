@@ -81,7 +81,7 @@ pub fn transmit(scene: &Scene, shadow: ShadowRay, inside: &Inside, weight: &mut 
         }
     } else {
         let mut walk = Walk::new(scene, ray, inside.clone()).until(distance);
-        if let Stop::Surface(_) = walk.advance(&mut way) {
+        if !walk.is_free() || matches!(walk.advance(&mut way), Stop::Surface(_)) {
             *weight = Rgb::ZERO;
             return;
         }

@@ -28,6 +28,8 @@ pub struct Walk<'s> {
     /// The solids around it.
     pub inside: Inside,
     cluster: Cluster,
+    /// Whether the cluster holds all crossings on the line up to the limit.
+    collected: bool,
 }
 
 /// What wants to know what a walk passes.
@@ -36,7 +38,7 @@ pub trait Visitor {
     type End;
     /// How far light gets from here at most in a medium (an index into [`Scene::media`]), if that is known beforehand: surfaces
     /// beyond are not looked for. Where it is finite, the next segment begins here, and light does not pass that point on it.
-    fn farthest(&mut self, _medium: u32) -> f64 {
+    fn farthest(&mut self, _medium: u32, _ray: &Ray) -> f64 {
         f64::INFINITY
     }
     /// Passes through a medium; may end the walk inside.
@@ -60,7 +62,18 @@ impl<'s> Walk<'s> {
     /// A walk that starts with `ray`, inside these solids.
     pub fn new(scene: &'s Scene, ray: Ray, inside: Inside) -> Self {
         let cluster = Cluster::default();
-        Walk { scene, ray, t: 0.0, crossed: 0.0, limit: f64::INFINITY, clear: 0.0, starts: false, inside, cluster }
+        Walk {
+            scene,
+            ray,
+            t: 0.0,
+            crossed: 0.0,
+            limit: f64::INFINITY,
+            clear: 0.0,
+            starts: false,
+            inside,
+            cluster,
+            collected: false,
+        }
     }
 
     /// A walk from a light or a camera, which may stand on a boundary of `inside`: then the direction
@@ -74,6 +87,14 @@ impl<'s> Walk<'s> {
     /// This walk, ending at parameter `limit`: what lies beyond is escape.
     pub fn until(self, limit: f64) -> Self {
         Walk { limit, ..self }
+    }
+
+    /// Looks for all surfaces on the line at once. Returns whether none is opaque; what is left to do then is to see what the
+    /// others do, in their order.
+    pub fn is_free(&mut self) -> bool {
+        let blocks = |id| self.scene.surfaces[id as usize].material.is_opaque();
+        self.collected = true;
+        self.scene.geometry.collect(&self.ray, self.crossed, self.limit, blocks, &mut self.cluster)
     }
 
     /// Goes on to the next surface that does something, through boundaries that do not.
@@ -90,11 +111,16 @@ impl<'s> Walk<'s> {
         }
         loop {
             let medium = self.scene.medium(&self.inside).filter(|&m| !self.scene.media[m as usize].is_clear());
-            let farthest = medium.filter(|_| !self.starts).map_or(f64::INFINITY, |medium| visitor.farthest(medium));
+            let farthest =
+                medium.filter(|_| !self.starts).map_or(f64::INFINITY, |medium| visitor.farthest(medium, &self.ray));
             let reached = self.t + farthest;
             // Surfaces that coincide with one within reach are looked for, too.
             let limit = self.limit.min(reached + 2.0 * error_bound(&self.ray, reached));
-            self.scene.geometry.intersect(&self.ray, self.crossed, limit, &mut self.cluster);
+            if self.collected {
+                self.scene.geometry.intersect_next(&self.ray, self.crossed, limit, &mut self.cluster);
+            } else {
+                self.scene.geometry.intersect(&self.ray, self.crossed, limit, &mut self.cluster);
+            }
             if std::mem::take(&mut self.starts) {
                 self.crossed = 0.0;
                 let here = error_bound(&self.ray, 0.0);
@@ -174,6 +200,7 @@ impl<'s> Walk<'s> {
         self.ray = Ray::new(self.ray.at(t), direction);
         self.t = 0.0;
         self.crossed = 0.0;
+        self.collected = false;
         self.clear = (self.clear - t).max(0.0);
     }
 
@@ -196,6 +223,7 @@ impl<'s> Walk<'s> {
         self.inside = inside;
         self.t = 0.0;
         self.crossed = 0.0;
+        self.collected = false;
         self.clear = 0.0;
     }
 

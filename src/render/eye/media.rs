@@ -6,6 +6,7 @@ use std::ops::ControlFlow;
 use super::component::{Component, First};
 use super::{Claim, Context, Looking, Mode, Path};
 use crate::gather::{self, EyeSegment, PointMaps, VolumeMaps};
+use crate::math::Ray;
 use crate::math::random::Dimension;
 use crate::medium::{Emission, Medium};
 use crate::photon::walls;
@@ -32,6 +33,20 @@ impl<'s> Looking<'_, '_, 's> {
         ControlFlow::Continue(())
     }
 
+    /// How far a path flies through a medium where light along the way is left to its collisions: it need not know then
+    /// where the medium ends, which in dense media is far beyond.
+    pub(super) fn draw_flight(&mut self, medium: &Medium, ray: &Ray, luggage: &mut Luggage<Path>) -> f64 {
+        let tracks = matches!(self.eye.settings.mode, Mode::Track | Mode::Split) && !luggage.own.splits;
+        let asks = medium.scatters() && self.eye.settings.max_events.allows(luggage.events);
+        let alone = matches!(medium.emission, Emission::None) && medium.density.is_even();
+        if !tracks || !alone || asks && transport::equiangular::matters(self.eye.scene, medium, ray) {
+            return f64::INFINITY;
+        }
+        let weight = luggage.weight;
+        let draw = |stream: &mut _| transport::draw(medium, weight, stream);
+        *luggage.own.drawn.insert(self.context.stream.draw(Dimension::Flight, draw))
+    }
+
     /// A path without photons.
     fn fly(
         &mut self,
@@ -41,6 +56,10 @@ impl<'s> Looking<'_, '_, 's> {
         parts: &mut Parts<'s, Path>,
     ) -> ControlFlow<f64> {
         let flight = Flight::new(segment, medium, luggage.weight);
+        if let Some(target) = luggage.own.drawn.take() {
+            let collision = transport::end(medium, segment.ray, (segment.a, segment.b), target, &mut luggage.weight);
+            return collide(flight, medium, collision, luggage);
+        }
         let splits = luggage.own.splits;
         if medium.scatters() && self.eye.settings.max_events.allows(luggage.events) {
             let by_flight = |t| {
@@ -86,9 +105,7 @@ impl<'s> Looking<'_, '_, 's> {
             })
         });
 
-        let Some(t) = collision else { return ControlFlow::Continue(()) };
-        luggage.own.landing = Some(Landing::new(flight, medium, t));
-        ControlFlow::Break(t)
+        collide(flight, medium, collision, luggage)
     }
 
     /// One part collides, and is followed later; the other goes on.
@@ -197,6 +214,13 @@ impl<'s> Looking<'_, '_, 's> {
         };
         (reach, left.is_some())
     }
+}
+
+/// Ends a flight at its collision, if it has one.
+fn collide(flight: Flight, medium: &Medium, collision: Option<f64>, luggage: &mut Luggage<Path>) -> ControlFlow<f64> {
+    let Some(t) = collision else { return ControlFlow::Continue(()) };
+    luggage.own.landing = Some(Landing::new(flight, medium, t));
+    ControlFlow::Break(t)
 }
 
 impl Path {

@@ -78,6 +78,8 @@ pub struct Path {
     splits: bool,
     /// Where it turned last.
     turn: Turn,
+    /// How far it flies in the medium it enters, where that was drawn before.
+    drawn: Option<f64>,
     /// How the collision was drawn to which it comes next, where it does.
     landing: Option<Landing>,
 }
@@ -86,7 +88,7 @@ impl Path {
     /// This path with a collision behind it.
     fn scattered(&self) -> Path {
         let first = self.first.or(Some(First::Medium));
-        Path { first, turn: Turn::Specular, landing: None, ..*self }
+        Path { first, turn: Turn::Specular, drawn: None, landing: None, ..*self }
     }
 }
 
@@ -120,7 +122,7 @@ impl<'s> Eye<'s> {
     pub fn look(&self, ray: Ray, inside: Inside, context: &mut Context<'_, 's>) -> Sample {
         let mut sample = Sample::default();
         let splits = matches!(self.settings.mode, Mode::Split);
-        let own = Path { first: None, diffuse: false, splits, turn: Turn::Specular, landing: None };
+        let own = Path { first: None, diffuse: false, splits, turn: Turn::Specular, drawn: None, landing: None };
         let walk = Walk::start(self.scene, ray, inside);
         let part = Part { walk, luggage: Luggage::new(Rgb::ONE, own), collision: None };
         let mut parts = std::mem::take(context.parts);
@@ -162,6 +164,10 @@ impl<'s> Traveller<'s> for Looking<'_, '_, 's> {
 
     fn stream(&mut self) -> &mut Stream {
         self.context.stream
+    }
+
+    fn farthest(&mut self, medium: u32, ray: &Ray, luggage: &mut Luggage<Path>) -> f64 {
+        self.draw_flight(&self.eye.scene.media[medium as usize], ray, luggage)
     }
 
     fn segment(
