@@ -1,5 +1,7 @@
 //! All shapes against the same promises: hits, insides, samples and distances.
 
+mod placed;
+
 use super::*;
 use crate::math::random::{Purpose, Stream};
 use crate::math::{DAffine3, DMat3, DVec2, Frame, Ray, Vec3, error_bound, sampling};
