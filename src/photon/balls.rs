@@ -517,3 +517,227 @@ fn away<L: Lanes>(node: &BoxNode, axis: usize, x: L) -> L {
     let above = x.sub(L::load(&node.max[axis]));
     below.max(above).max(L::splat(0.0))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::random::{Purpose, Stream};
+    use std::collections::BTreeSet;
+
+    fn in_cube(stream: &mut Stream) -> Vec3 {
+        Vec3::from_array([0; 3].map(|_| (2.0 * stream.uniform() - 1.0) as f32))
+    }
+
+    /// Photons that bear their number as power.
+    fn numbered(positions: impl IntoIterator<Item = Vec3>) -> Vec<Photon> {
+        let photon = |(i, position)| Photon { position, direction: Vec3::Z, power: Vec3::splat(i as f32), events: 3 };
+        positions.into_iter().enumerate().map(photon).collect()
+    }
+
+    /// Sets of photons that are hard to look up in.
+    fn sets(stream: &mut Stream) -> Vec<(&'static str, Vec<Photon>)> {
+        let lattice = (0..16 * 16 * 16).map(|i| Vec3::from([i % 16, i / 16 % 16, i / 256].map(|x| x as f32)));
+        let mut random =
+            |count: usize, place: &dyn Fn(usize, Vec3) -> Vec3| numbered((0..count).map(|i| place(i, in_cube(stream))));
+        vec![
+            ("none", Vec::new()),
+            ("one", random(1, &|_, x| x)),
+            ("seventeen", random(17, &|_, x| x)),
+            ("ties", numbered(lattice)),
+            // More than a list of distances holds, some within the least radius of them.
+            (
+                "coincident",
+                random(3800, &|i, x| match i % 5 {
+                    0 => (2.0 * x).round(),
+                    1 => 0.25 + 3e-6 * x,
+                    _ => Vec3::splat(0.25),
+                }),
+            ),
+            ("flat", random(700, &|_, x| x.with_y(0.5))),
+            // From ball to ball of a hundredth the size: radii from 10⁻⁷ to 1.
+            ("uneven", random(3000, &|i, x| Vec3::X + x * 0.01f32.powi((i % 4) as i32))),
+            ("far away", random(2000, &|_, x| Vec3::new(5e4, -3e4, 8e4) + x)),
+            ("far apart", random(300, &|_, x| 1e17 * x)),
+        ]
+    }
+
+    /// The squared distance, of differences that are rounded as in a map.
+    fn squared(photon: &Photon, x: Vec3) -> f64 {
+        (photon.position - x).as_dvec3().length_squared()
+    }
+
+    /// The radius of the ball around `x` as the documentation defines it, from the distances to all photons.
+    fn radius(photons: &[Photon], settings: &PointSettings, x: Vec3) -> f64 {
+        let scale = f64::from(settings.scale);
+        match settings.ball {
+            Ball::Fixed(radius) => scale * f64::from(radius),
+            Ball::Nearest { neighbours, max_radius } => {
+                let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+                for photon in photons {
+                    (low, high) = (low.min(photon.position), high.max(photon.position));
+                }
+                let cap = match (f64::from(max_radius), high.as_dvec3().distance(low.as_dvec3())) {
+                    (cap, _) if cap.is_finite() => cap,
+                    (_, diagonal) if diagonal > 0.0 => diagonal,
+                    _ => 1.0,
+                };
+                let roundings = 4.0 * f32::EPSILON * low.abs().max(high.abs()).max_element();
+                let mut all: Vec<f64> = photons.iter().map(|photon| squared(photon, x)).collect();
+                let n = neighbours as usize - 1;
+                let nth = if n < all.len() { all.select_nth_unstable_by(n, f64::total_cmp).1.sqrt() } else { cap };
+                scale * nth.max(1e-6 * cap).max(f64::from(roundings)).min(cap)
+            }
+        }
+    }
+
+    /// The squared radius of a ball, and what the blocks found hold of it: photons' numbers, in the order they are met.
+    fn look(map: &PointMap, x: Vec3, memory: &mut PointMemory) -> (f32, Vec<u32>) {
+        let squared_radius = map.look_up(x, memory);
+        let blocks = memory.blocks();
+        assert_eq!(blocks.iter().collect::<BTreeSet<_>>().len(), blocks.len(), "a block twice");
+        let inside = |&block: &u32| {
+            let (rows, load) = (&map.positions[block as usize], &map.loads[block as usize]);
+            (0..photons_in(block as usize, map.photons)).filter_map(move |lane| {
+                let position = Vec3::from(rows.each_ref().map(|row| row.0[lane]));
+                let strictly = position.as_dvec3().distance_squared(x.as_dvec3()) < f64::from(squared_radius);
+                strictly.then(|| load.power[0].0[lane] as u32)
+            })
+        };
+        (squared_radius, blocks.iter().flat_map(inside).collect())
+    }
+
+    #[test]
+    fn look_ups_find_what_a_search_through_all_finds() {
+        let mut stream = Stream::new(2, Purpose::Test, 0, 0);
+        for (name, photons) in sets(&mut stream) {
+            let nearest = |neighbours, max_radius| Ball::Nearest { neighbours, max_radius };
+            let count = photons.len() as u32;
+            let size = photons.iter().map(|photon| photon.position.distance(photons[0].position)).fold(0.0, f32::max);
+            let all = [
+                (Ball::Fixed(1e-12), 1.0),
+                (Ball::Fixed(1.5), 0.7),
+                (Ball::Fixed(1e18), 1.0),
+                (nearest(2, f32::INFINITY), 1.0),
+                (nearest(27, 0.1 * size.max(1.0)), 0.5),
+                (nearest(count.max(2), 3.0 * size.max(1.0)), 1.0),
+                (nearest(count / 3 + 2, f32::INFINITY), 1.0),
+                (nearest(count + 2, f32::INFINITY), 1.0),
+            ];
+            for (case, (ball, scale)) in all.into_iter().enumerate() {
+                let settings = PointSettings { scale, ..PointSettings::new(ball) };
+                let mut map = PointMap::build(photons.clone(), &settings, &|_, limit| limit);
+                assert_eq!((map.len(), map.rejected()), (photons.len(), 0));
+                let mut memories =
+                    Isa::available().into_iter().map(|isa| (isa, PointMemory::default())).collect::<Vec<_>>();
+                for i in 0..24 {
+                    // At photons, between them, next to the last place, and far outside.
+                    let near = photons.get((stream.uniform() * photons.len() as f64) as usize);
+                    let near = near.map_or(Vec3::ONE, |photon| photon.position);
+                    let x = match i % 4 {
+                        0 => near,
+                        1 => near + 0.01 * in_cube(&mut stream),
+                        2 => near + 0.3 * size * in_cube(&mut stream),
+                        _ => near + 10.0 * size.max(1.0) * in_cube(&mut stream),
+                    };
+                    let r = radius(&photons, &settings, x);
+                    for (isa, memory) in &mut memories {
+                        map.isa = *isa;
+                        let at = || format!("{name}, case {case}, {isa:?}, {x}");
+                        let (squared_radius, mut found) = look(&map, x, memory);
+                        let got = f64::from(squared_radius).sqrt();
+                        assert!((got - r).abs() <= 1e-6 * r, "{}: radius {got}, not {r}", at());
+                        assert!(got <= f64::from(map.reach()) * (1.0 + 1e-6), "{}: {got} beyond {}", at(), map.reach());
+                        // ---- whatever was looked up before
+                        let fresh = look(&map, x, &mut PointMemory::default());
+                        assert_eq!((squared_radius, &found), (fresh.0, &fresh.1), "{}", at());
+                        // ---- each photon strictly closer, once
+                        found.sort_unstable();
+                        let closer = |photon: &&Photon| {
+                            photon.position.as_dvec3().distance_squared(x.as_dvec3()) < f64::from(squared_radius)
+                        };
+                        assert!(
+                            found.iter().copied().eq(photons.iter().filter(closer).map(|p| p.power.x as u32)),
+                            "{}",
+                            at()
+                        );
+                        assert!(found.is_empty() || map.bounds().contains(x.as_dvec3()), "{}: found outside", at());
+                    }
+                }
+                // ---- radii around the photons themselves
+                if (1..1000).contains(&photons.len()) {
+                    let own: Vec<f64> = photons.iter().map(|p| radius(&photons, &settings, p.position)).collect();
+                    let (low, high) = own.iter().fold((f64::INFINITY, 0.0f64), |(a, b), &r| (a.min(r), b.max(r)));
+                    let mean = own.iter().sum::<f64>() / own.len() as f64;
+                    let Radii { min, mean: middle, max } = map.radii();
+                    for (got, expected) in [(min, low), (middle, mean), (max, high)] {
+                        assert!((f64::from(got) - expected).abs() <= 2e-6 * expected, "{name}: {got}, not {expected}");
+                    }
+                }
+            }
+        }
+    }
+
+    /// A distance of surfaces that is the exact one of the walls of [−1, 1]³.
+    fn room(x: Vec3, limit: f32) -> f32 {
+        (1.0 - x.abs().max_element()).min(limit)
+    }
+
+    #[test]
+    fn places_called_clear_are_and_most_that_are_clear_are_called_so() {
+        let mut stream = Stream::new(3, Purpose::Test, 0, 0);
+        let photons = numbered((0..20_000).map(|i| in_cube(&mut stream) * if i % 2 == 0 { 1.0 } else { 0.1 }));
+        for ball in [Ball::Fixed(0.1), Ball::Nearest { neighbours: 40, max_radius: 0.4 }] {
+            let map = PointMap::build(photons.clone(), &PointSettings::new(ball), &room);
+            let without = PointSettings { boundaries: false, ..PointSettings::new(ball) };
+            let without = PointMap::build(photons.clone(), &without, &room);
+            let mut memory = PointMemory::default();
+            let (mut clear, mut called) = (0, 0);
+            for _ in 0..3000 {
+                let x = in_cube(&mut stream);
+                let radius = map.look_up(x, &mut memory).sqrt();
+                let distance = room(x, f32::INFINITY);
+                let says = map.is_clear(x, radius, memory.blocks());
+                assert!(!says || distance >= radius, "{x}: a wall at {distance}, within {radius}");
+                assert!(without.is_clear(x, radius, memory.blocks()));
+                clear += u32::from(distance > 2.0 * radius);
+                called += u32::from(says && distance > 2.0 * radius);
+            }
+            assert!(clear > 500 && called > clear * 9 / 10, "{ball:?}: {called} of {clear}");
+        }
+    }
+
+    #[test]
+    fn a_map_is_the_same_for_any_number_of_threads() {
+        let mut stream = Stream::new(4, Purpose::Test, 0, 0);
+        // Some at one place, whose order a sort may choose.
+        let positions = (0..30_000).map(|i| if i % 5 == 0 { Vec3::splat(0.5) } else { in_cube(&mut stream) });
+        let photons = numbered(positions);
+        let settings =
+            PointSettings { tagged: true, ..PointSettings::new(Ball::Nearest { neighbours: 30, max_radius: 1.0 }) };
+        let on = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let map = PointMap::build(photons.clone(), &settings, &room);
+                (map.radii(), map)
+            })
+        };
+        let (radii, one) = on(1);
+        for threads in [2, 5] {
+            let (other_radii, other) = on(threads);
+            assert!(one.positions == other.positions && one.loads == other.loads && one.events == other.events);
+            assert!(one.nodes == other.nodes && one.clearances == other.clearances && radii == other_radii);
+        }
+    }
+
+    #[test]
+    fn photons_that_are_not_finite_are_left_out_and_counted() {
+        let mut stream = Stream::new(5, Purpose::Test, 0, 0);
+        let mut photons = numbered((0..100).map(|_| in_cube(&mut stream)));
+        photons[7].position.y = f32::NAN;
+        photons[8].power.x = f32::INFINITY;
+        let map = PointMap::build(photons, &PointSettings::new(Ball::Fixed(9.0)), &room);
+        assert_eq!((map.len(), map.rejected()), (98, 2));
+        let found: BTreeSet<u32> = look(&map, Vec3::ZERO, &mut PointMemory::default()).1.into_iter().collect();
+        assert_eq!(found, (0..100).filter(|i| ![7, 8].contains(i)).collect());
+    }
+}
