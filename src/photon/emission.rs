@@ -217,7 +217,7 @@ impl<'s> Sources<'s> {
 
     fn start_in(&self, glow: &Glow, stream: &mut Stream) -> Option<Start> {
         let (point, density) = glow.draw(stream);
-        let (radiated, inside) = glow.radiated(self.scene, point)?;
+        let (radiated, inside) = self.scene.radiated(glow.medium, point)?;
         let direction = sampling::sphere(stream.uniform2()).normalize();
         Some(Start {
             ray: Ray::new(point, direction),

@@ -431,7 +431,23 @@ impl<'d> Builder<'d> {
         regions::join_regions(&mut scene);
         scene.surroundings = regions::surroundings(&scene);
         regions::darken_infinity(&mut scene);
-        scene.glows = Glow::all(&scene);
+        scene.glows = glows(&scene);
         Ok(scene)
     }
+}
+
+/// The glowing media that have an end, each in a box around the places that it fills.
+fn glows(scene: &Scene) -> Vec<Glow> {
+    let glow = |(index, medium): (u32, &Medium)| {
+        let support = medium.density.support();
+        let mut bounds = Bounds::EMPTY;
+        if scene.world == Some(index) {
+            bounds = support;
+        }
+        for solid in scene.solids.iter().filter(|solid| solid.medium == Some(index)) {
+            bounds = bounds.union(scene.geometry.bounds(solid.shape).intersection(support));
+        }
+        Glow::new(index, medium, bounds, |p| scene.radiated(index, p).map(|(radiance, _)| radiance))
+    };
+    (0..).zip(&scene.media).filter(|(_, medium)| medium.glows()).filter_map(glow).collect()
 }

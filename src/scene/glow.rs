@@ -2,15 +2,15 @@
 
 use rayon::prelude::*;
 
-use super::{Inside, Scene};
 use crate::math::random::Purpose;
 use crate::math::{Bounds, DVec3, Distribution, Ray, Rgb, Stream, sampling};
+use crate::medium::Medium;
 
 /// A glowing medium that has an end, in a box: points are drawn from cells in proportion to what was found there, for
 /// photons to what it sends out, for those who ask for light to what of that leaves the box besides.
 #[derive(Debug)]
 pub struct Glow {
-    /// The medium: an index into [`Scene::media`].
+    /// The medium: an index into [`Scene::media`](super::Scene::media).
     pub medium: u32,
     bounds: Bounds,
     /// Cells along each edge of the box.
@@ -35,43 +35,38 @@ const EVEN: f64 = 0.1;
 const LEAVING: f64 = 0.6;
 
 impl Glow {
-    /// All of a scene.
-    pub(super) fn all(scene: &Scene) -> Vec<Glow> {
-        let media = (0..).zip(&scene.media).filter(|(_, medium)| medium.glows());
-        media.filter_map(|(index, _)| Glow::new(scene, index)).collect()
-    }
-
-    /// `None` where the medium is nowhere, or has no end.
-    fn new(scene: &Scene, medium: u32) -> Option<Glow> {
-        let support = scene.media[medium as usize].density.support();
-        let mut bounds = Bounds::EMPTY;
-        if scene.world == Some(medium) {
-            bounds = support;
-        }
-        for solid in scene.solids.iter().filter(|solid| solid.medium == Some(medium)) {
-            bounds = bounds.union(scene.geometry.bounds(solid.shape).intersection(support));
-        }
+    /// `medium`, which has this `index` and lies within `bounds`; `radiated` tells what it sends out at a point, radiance
+    /// per length, and nothing where it is not. `None` where it sends out nothing, or has no end.
+    pub(super) fn new(
+        index: u32,
+        medium: &Medium,
+        bounds: Bounds,
+        radiated: impl Fn(DVec3) -> Option<Rgb> + Sync,
+    ) -> Option<Glow> {
         if bounds.is_empty() || !bounds.size().is_finite() {
             return None;
         }
-        let cells = if scene.media[medium as usize].density.voxels().is_some() { CELLS_OF_VOXELS } else { CELLS };
+        let cells = if medium.density.voxels().is_some() { CELLS_OF_VOXELS } else { CELLS };
         let (sent, leaving) = Default::default();
-        let mut glow = Glow { medium, bounds, cells, sent, leaving, power: 0.0 };
+        let mut glow = Glow { medium: index, bounds, cells, sent, leaving, power: 0.0 };
         // What each cell sends out, and what of it leaves the box in a direction drawn at random.
         let look = |cell: usize| {
-            let mut stream = Stream::new(0, Purpose::Map, medium as u64, cell as u64);
+            let mut stream = Stream::new(0, Purpose::Map, index as u64, cell as u64);
             let (mut sent, mut last) = (0.0, None);
             for octant in 0..TRIES {
                 let half = |axis: usize| 0.5 * (octant >> axis & 1) as f64;
                 let p = glow.point_in(cell, std::array::from_fn(|axis| half(axis) + 0.5 * stream.uniform()));
-                if let Some((radiated, _)) = glow.radiated(scene, p) {
-                    sent += radiated.element_sum();
-                    last = Some((p, radiated));
+                if let Some(radiance) = radiated(p) {
+                    sent += radiance.element_sum();
+                    last = Some((p, radiance));
                 }
             }
-            let Some((p, radiated)) = last.filter(|_| sent > 0.0) else { return (0.0, 0.0) };
+            let Some((p, radiance)) = last.filter(|_| sent > 0.0) else { return (0.0, 0.0) };
             let ray = Ray::new(p, sampling::sphere(stream.uniform2()).normalize());
-            let passed = (radiated * glow.transmittance(scene, &ray)).element_sum() / radiated.element_sum();
+            // What of it the medium itself lets through, as if it filled the box.
+            let (_, end) = bounds.clip(&ray, 0.0, f64::INFINITY).unwrap_or((0.0, 0.0));
+            let transmittance = medium.transmittance(medium.density.depth(&ray, 0.0, end));
+            let passed = (radiance * transmittance).element_sum() / radiance.element_sum();
             (sent, if passed > 0.0 { sent * passed } else { 0.0 })
         };
         let found: Vec<(f64, f64)> = (0..cells.pow(3)).into_par_iter().map(look).collect();
@@ -88,13 +83,6 @@ impl Glow {
         Some(glow)
     }
 
-    /// Of the medium itself, as if it filled its box.
-    fn transmittance(&self, scene: &Scene, ray: &Ray) -> Rgb {
-        let medium = &scene.media[self.medium as usize];
-        let (_, end) = self.bounds.clip(ray, 0.0, f64::INFINITY).unwrap_or((0.0, 0.0));
-        medium.transmittance(medium.density.depth(ray, 0.0, end))
-    }
-
     /// About the power it sends out, all channels together, before it is absorbed on its way.
     pub fn power(&self) -> f64 {
         self.power
@@ -108,17 +96,6 @@ impl Glow {
         let n = self.cells;
         let index = DVec3::new((cell % n) as f64, (cell / n % n) as f64, (cell / n / n) as f64);
         self.bounds.min + (index + DVec3::from_array(u)) / n as f64 * self.bounds.size()
-    }
-
-    /// σ_a L_e at `p`, radiance per length, and the solids around; `None` outside of the medium.
-    pub fn radiated(&self, scene: &Scene, p: DVec3) -> Option<(Rgb, Inside)> {
-        let medium = &scene.media[self.medium as usize];
-        let density = medium.density.at(p);
-        if density <= 0.0 {
-            return None;
-        }
-        let inside = scene.inside(p);
-        (scene.medium(&inside) == Some(self.medium)).then(|| (medium.emitted(p) * density, inside))
     }
 
     /// Draws a point for those who ask for light, as [`Glow::draw`] does for photons.

@@ -150,6 +150,17 @@ impl Scene {
         Inside::of(shapes.iter().filter_map(|&shape| self.surfaces[shape as usize].solid))
     }
 
+    /// σ_a L_e of medium `index` at `p`, radiance per length, and the solids around; `None` outside of the medium.
+    pub fn radiated(&self, index: u32, p: DVec3) -> Option<(Rgb, Inside)> {
+        let medium = &self.media[index as usize];
+        let density = medium.density.at(p);
+        if density <= 0.0 {
+            return None;
+        }
+        let inside = self.inside(p);
+        (self.medium(&inside) == Some(index)).then(|| (medium.emitted(p) * density, inside))
+    }
+
     /// What is inside after a ray along `direction` has crossed all the surfaces of `cluster`.
     /// Of several crossings of one solid at one place, as on an edge, the sum counts.
     pub fn cross(&self, inside: &Inside, cluster: &Cluster, direction: DVec3) -> Inside {

@@ -70,7 +70,7 @@ impl<'s> Glows<'s> {
         let choice = choose(self.scene.glows.iter().map(Glow::power), self.power, stream.uniform())?;
         let glow = &self.scene.glows[choice.index];
         let (point, density) = glow.draw_leaving(stream);
-        let (radiance, _) = glow.radiated(self.scene, point)?;
+        let (radiance, _) = self.scene.radiated(glow.medium, point)?;
         let distance = from.distance(point);
         let direction = (point - from) / distance;
         if radiance.max_element() <= 0.0 || !direction.is_finite() {
