@@ -183,7 +183,7 @@ fn the_closest_point_of_each_face_is_undercut_by_none() {
         let mut confirmed = 0;
         for _ in 0..20 {
             let p = m.transform_point3(1.3 * in_cube(r));
-            // Inside it need not be the closest; and where some directions are much longer, the search ends too early.
+            // Inside it need not be the closest; where three axes differ by much, the search ends some percent too early.
             if matches!(here.shape(), Shape::Sphere(_)) && (there.contains(p) || m.translation.length() > 1.0) {
                 confirmed += 1;
                 continue;
