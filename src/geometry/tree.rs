@@ -212,7 +212,7 @@ impl Tree {
         self.walk(
             octant,
             &mut cube_ray,
-            |node, ray| node.intersect_ray(ray, octant),
+            |node, ray| met(node, ray, octant),
             |leaves, ray| {
                 let t = visit(leaves);
                 ray.tmax = if t == f64::NEG_INFINITY { t as f32 } else { to_cube(t) };
@@ -405,6 +405,43 @@ impl Iterator for Leaves {
     }
 }
 
+/// The children of a node that a ray meets, as [`CwBvhNode::intersect_ray`] tells them. That one branches on each child and each
+/// sign of the direction, which no processor foresees.
+#[inline(always)]
+fn met(node: &CwBvhNode, ray: &obvhs::ray::Ray, octant: u32) -> u32 {
+    /// Nothing nearer is met.
+    const NEAREST: f32 = 1e-4;
+    let scale = node.compute_extent() * ray.inv_direction;
+    let offset = (Vec3A::from(node.p) - ray.origin) * ray.inv_direction;
+    // ---- planes that the ray enters by, and those that it leaves by
+    let sides = |negative: bool, low, high| if negative { [high, low] } else { [low, high] };
+    let [x_in, x_out] = sides(ray.direction.x < 0.0, &node.child_min_x, &node.child_max_x);
+    let [y_in, y_out] = sides(ray.direction.y < 0.0, &node.child_min_y, &node.child_max_y);
+    let [z_in, z_out] = sides(ray.direction.z < 0.0, &node.child_min_z, &node.child_max_z);
+    let (nearest, farthest) = (Vec4::splat(NEAREST), Vec4::splat(ray.tmax));
+    let mut children = 0;
+    for half in [0, 4] {
+        let along = |planes: &[u8; 8], scale: f32, offset: f32| {
+            Vec4::from_array(std::array::from_fn(|i| f32::from(planes[half + i]))) * scale + offset
+        };
+        let x = [x_in, x_out].map(|planes| along(planes, scale.x, offset.x));
+        let y = [y_in, y_out].map(|planes| along(planes, scale.y, offset.y));
+        let z = [z_in, z_out].map(|planes| along(planes, scale.z, offset.z));
+        let enter = x[0].max(y[0]).max(z[0].max(nearest));
+        let leave = x[1].min(y[1]).min(z[1].min(farthest));
+        children |= enter.cmple(leave).bitmask() << half;
+    }
+    // ---- their bits, and where those go
+    let (bits, places) = node.get_child_and_index_bits(octant);
+    let mut hits = 0;
+    while children != 0 {
+        let byte = 8 * children.trailing_zeros();
+        children &= children - 1;
+        hits |= ((bits >> byte) as u32 & 0xff) << ((places >> byte) as u32 & 0xff);
+    }
+    hits
+}
+
 /// What is looked for around a point.
 pub(super) trait Search {
     /// Nothing farther is wanted.
@@ -563,7 +600,39 @@ fn octant(direction: Vec3A) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::random::Purpose;
+    use crate::math::{Stream, sampling};
     use std::time::{Duration, Instant};
+
+    /// As the crate that makes the nodes tests them.
+    #[test]
+    fn children_are_met_as_the_nodes_say() {
+        let mut stream = Stream::new(67, Purpose::Test, 0, 0);
+        let mut point = || 2.0 * stream.uniform() * sampling::sphere(stream.uniform2());
+        let boxes: Vec<Bounds> = (0..3000)
+            .map(|_| {
+                let (a, b) = (point(), 0.1 * point());
+                Bounds::of_points([a, a + b].into_iter())
+            })
+            .collect();
+        let tree = Tree::new(&boxes);
+        let mut met = 0;
+        for k in 0..3000 {
+            let (origin, mut direction) = (point(), point());
+            if k % 4 == 0 {
+                direction[k % 3] = 0.0;
+            }
+            let (origin, direction) = (origin.as_vec3a(), direction.normalize().as_vec3a() + Vec3A::ZERO);
+            let ray = obvhs::ray::Ray::new(origin, direction, 0.0, 1.0 + (k % 3) as f32);
+            for node in &tree.nodes.nodes {
+                let octant = octant(direction);
+                let hits = super::met(node, &ray, octant);
+                assert_eq!(hits, node.intersect_ray(&ray, octant), "{node:?} {ray:?}");
+                met += hits.count_ones();
+            }
+        }
+        assert!(met > 10_000, "{met}");
+    }
 
     /// Equal boxes and boxes nested in a geometric series, the worst for builders, make shallow trees soon.
     #[test]
