@@ -14,7 +14,7 @@ pub(super) fn bounds_about(center: DVec3, axes: &[DVec3]) -> Bounds {
 /// 4π |det m| R_G(λ₁, λ₂, λ₃) with Carlson's symmetric integral (DLMF 19.16.3) and the eigenvalues of
 /// m⁻¹m⁻ᵀ; pulling |det m| into them leaves products of squared semi-axes (DLMF 19.33.1).
 pub(super) fn area(m: &DMat3) -> f64 {
-    let [a, b, c] = eigenvalues(&(m.transpose() * *m)).map(|x| x.max(0.0));
+    let [a, b, c] = semi_axes(m).map(|axis| axis.length_squared());
     let scale = a.max(b).max(c);
     let [a, b, c] = [a, b, c].map(|x| x / scale);
     4.0 * PI * scale * r_g(a * b, a * c, b * c)
@@ -44,6 +44,38 @@ pub(super) fn circumference(u: DVec3, v: DVec3) -> f64 {
         }
     }
     TAU * large * sum / a
+}
+
+/// The point closest to `p` of the image of the unit sphere about `center` under `m`, which can be inverted.
+///
+/// Along the semi-axes, of lengths rᵢ in units of the shortest, the closest point to z is xᵢ = rᵢ² zᵢ/(u + rᵢ² − 1) with
+/// the largest u ≥ 0 that puts it on the surface. Newton's steps on 1/√Σ(xᵢ/rᵢ)² − 1, which is concave, go to it from below
+/// (Moré and Sorensen 1983). Where there is none, `p` is in the middle plane across a shortest axis, whose sides are alike.
+pub(super) fn closest(center: DVec3, m: &DMat3, p: DVec3) -> DVec3 {
+    let axes = semi_axes(m);
+    let lengths = axes.map(|axis| axis.length());
+    let shortest = lengths.into_iter().fold(f64::INFINITY, f64::min);
+    let r = DVec3::from_array(lengths) / shortest;
+    let z = DVec3::from_array(axes.map(|axis| (p - center).dot(axis))) / (r * shortest * shortest);
+    // ---- xᵢ/rᵢ; along the shortest axes z is 0 where u is
+    let beyond = r * r - 1.0;
+    let below = |u: f64| (u + beyond).max(DVec3::splat(f64::MIN_POSITIVE));
+    let mut u = (r * z.abs() - beyond).max_element().max(0.0);
+    let mut n = r * z / below(u);
+    for _ in 0..64 {
+        let sum = n.length_squared();
+        let next = u + (sum.sqrt() - 1.0) * sum / (n * n / below(u)).element_sum();
+        if next.is_nan() || next <= u {
+            break;
+        }
+        u = next;
+        n = r * z / below(u);
+    }
+    if u == 0.0 {
+        n[r.min_position()] += (1.0 - n.length_squared()).max(0.0).sqrt();
+    }
+    let n = n.normalize_or(DVec3::Z);
+    center + n.x * axes[0] + n.y * axes[1] + n.z * axes[2]
 }
 
 /// The point closest to `p` of the elliptic disk with conjugate radii `u` and `v`, which are equal and
@@ -160,34 +192,36 @@ fn r_d(mut x: f64, mut y: f64, mut z: f64) -> f64 {
     }
 }
 
-/// The eigenvalues of a symmetric matrix by Jacobi's rotations (Golub and Van Loan, section 8.5).
-fn eigenvalues(s: &DMat3) -> [f64; 3] {
-    let mut a = s.to_cols_array_2d();
+/// The semi-axes of the image of the unit sphere under `m`: its columns, turned until they are perpendicular, by Jacobi's
+/// rotations from one side, which keep the digits of the short ones (Hestenes 1958; Golub and Van Loan, section 8.6).
+fn semi_axes(m: &DMat3) -> [DVec3; 3] {
+    let mut axes = [m.x_axis, m.y_axis, m.z_axis];
     for _ in 0..16 {
+        let mut perpendicular = true;
         for (p, q) in [(0, 1), (0, 2), (1, 2)] {
-            if a[p][q] == 0.0 {
+            let (pp, qq, pq) = (axes[p].length_squared(), axes[q].length_squared(), axes[p].dot(axes[q]));
+            if pq.abs() <= f64::EPSILON * (pp * qq).sqrt() {
                 continue;
             }
-            let tau = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
+            perpendicular = false;
+            let tau = (qq - pp) / (2.0 * pq);
             let t = 1f64.copysign(tau) / (tau.abs() + tau.hypot(1.0));
             let c = t.hypot(1.0).recip();
             let s = t * c;
-            for row in &mut a {
-                (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
-            }
-            let (row_p, row_q) = (a[p], a[q]);
-            for k in 0..3 {
-                a[p][k] = c * row_p[k] - s * row_q[k];
-                a[q][k] = s * row_p[k] + c * row_q[k];
-            }
+            (axes[p], axes[q]) = (c * axes[p] - s * axes[q], s * axes[p] + c * axes[q]);
+        }
+        if perpendicular {
+            break;
         }
     }
-    [a[0][0], a[1][1], a[2][2]]
+    axes
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::random::Purpose;
+    use crate::math::{Stream, sampling};
 
     #[test]
     fn areas_match_closed_forms() {
@@ -211,6 +245,48 @@ mod tests {
             let speed = |i| (TAU * i as f64 / n as f64).sin_cos();
             let sum: f64 = (0..n).map(speed).map(|(s, c)| (c * v - s * u).length()).sum();
             assert!((circumference(u, v) * n as f64 / (TAU * sum) - 1.0).abs() < 1e-9);
+        }
+    }
+
+    /// No point of the surface is closer, whether `p` lies outside or inside, in the middle or on a plane of symmetry, and
+    /// however much longer one axis is than another.
+    #[test]
+    fn closest_points_of_ellipsoids_are_undercut_by_none() {
+        let mut r = Stream::new(71, Purpose::Test, 0, 0);
+        for k in 0..2000 {
+            let turn = DMat3::from_axis_angle(sampling::sphere(r.uniform2()), 3.0 * r.uniform());
+            let other = DMat3::from_axis_angle(sampling::sphere(r.uniform2()), 3.0 * r.uniform());
+            let lengths = match k % 4 {
+                0 => DVec3::new(2.0, 1.0, 1.0),
+                1 => DVec3::new(1.0, 3.0, 3.0),
+                _ => DVec3::new(1.0, 10f64.powf(3.0 * r.uniform()), 10f64.powf(6.0 * r.uniform())),
+            };
+            let m = turn * DMat3::from_diagonal(lengths) * other;
+            let mut inside = 2.0 * r.uniform() * sampling::sphere(r.uniform2());
+            if k % 3 == 0 {
+                inside[k % 9 / 3] = 0.0;
+            }
+            if k % 5 == 0 {
+                inside[k % 15 / 5] = 0.0;
+            }
+            let p =
+                turn * (lengths * inside) + if k % 7 == 0 { 5.0 * sampling::sphere(r.uniform2()) } else { DVec3::ZERO };
+            let on = closest(DVec3::ZERO, &m, p);
+            let n = other.transpose() * (turn.transpose() * on / lengths);
+            assert!((n.length() - 1.0).abs() < 1e-9, "{lengths} {inside}: {on}");
+            for _ in 0..200 {
+                let near = 10f64.powf(-8.0 * r.uniform());
+                let q = m * (n + near * sampling::sphere(r.uniform2())).normalize();
+                let rounding = 1e-15 * p.length().max(lengths.max_element());
+                assert!(on.distance(p) <= q.distance(p) + rounding, "{lengths} {inside}: {on}, {q}");
+            }
+        }
+        // From its middle it is as far as the shortest axis, from a place on the longest within the evolute by
+        // b² (1 − x²/(a² − b²)) less.
+        let m = DMat3::from_diagonal(DVec3::new(3.0, 1.0, 2.0));
+        for x in [0.0, 1.0, 2.5] {
+            let apart = closest(DVec3::ONE, &m, DVec3::new(1.0 + x, 1.0, 1.0)) - DVec3::new(1.0 + x, 1.0, 1.0);
+            assert!((apart.length_squared() - (1.0 - x * x / 8.0)).abs() < 1e-14);
         }
     }
 }

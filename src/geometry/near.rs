@@ -23,7 +23,7 @@ pub struct Near {
 
 impl Geometry {
     /// How far the nearest surface is from `p`; `limit` if it is farther. Quick however many triangles there
-    /// are. As exact as [`Geometry::nearest_surfaces`].
+    /// are.
     pub fn clearance(&self, p: DVec3, limit: f64) -> f64 {
         let mut nearest = limit;
         self.tree.near(p, limit, |i| {
@@ -37,8 +37,7 @@ impl Geometry {
     /// sides and caps have one, boxes six, lathes one a piece; meshes their nearest triangle, and of those that `p` stands
     /// over (to 18 degrees) at most six. Faces of one lathe or mesh that face the same way (to 18 degrees) are merged into
     /// the nearest, and their normals lean towards `p` over edges that turn less. So the corner of a room gives three
-    /// planes. Exact, except for a point inside a sphere stretched unequally, where it may be the closest only of its
-    /// neighbourhood.
+    /// planes.
     pub fn nearest_surfaces(&self, p: DVec3, radius: f64, mut visit: impl FnMut(Near)) {
         let around = Bounds { min: p - radius, max: p + radius };
         let mut merged: SmallVec<[Near; 16]> = SmallVec::new();

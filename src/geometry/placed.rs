@@ -398,33 +398,14 @@ impl Placed {
         nearest
     }
 
-    /// The image of the closest point in object space is the closest in the world, too, under a
-    /// similarity. Otherwise steps along the tangent plane towards the foot on it, shortened where they
-    /// do not come closer, end where the way to `p` is perpendicular.
+    /// Under a similarity the image of the closest point in object space is the closest in the world, too.
     fn closest_of_sphere(&self, s: &Sphere, p: DVec3) -> DVec3 {
-        let mut local = s.closest(self.to_local.transform_point3(p));
-        let mut on = self.to_world.transform_point3(local);
+        let m = &self.to_world;
         if self.similarity.is_some() {
-            return on;
+            m.transform_point3(s.closest(self.to_local.transform_point3(p)))
+        } else {
+            ellipsoid::closest(m.transform_point3(s.center()), &(m.matrix3 * s.radius()), p)
         }
-        let mut step = 1.0;
-        for _ in 0..256 {
-            let n = self.normal_to_world(s.normal(local));
-            let across = (p - on) - n.dot(p - on) * n;
-            let next_local = s.closest(self.to_local.transform_point3(on + step * across));
-            let next = self.to_world.transform_point3(next_local);
-            let closer = on.distance_squared(p) - next.distance_squared(p);
-            if closer > 0.0 {
-                (local, on) = (next_local, next);
-            }
-            if closer <= 1e-12 * on.distance_squared(p) {
-                step *= 0.5;
-            }
-            if step < 1e-6 {
-                break;
-            }
-        }
-        on
     }
 }
 
