@@ -612,7 +612,7 @@ mod tests {
         let boxes: Vec<Bounds> = (0..3000)
             .map(|_| {
                 let (a, b) = (point(), 0.1 * point());
-                Bounds::of_points([a, a + b].into_iter())
+                Bounds::of_points([a, a + b])
             })
             .collect();
         let tree = Tree::new(&boxes);
