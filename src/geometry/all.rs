@@ -104,7 +104,9 @@ impl Geometry {
             crossings.push(crossing);
             if free { t_max } else { f64::NEG_INFINITY }
         });
-        sort(crossings);
+        if free {
+            sort(crossings);
+        }
         free
     }
 
