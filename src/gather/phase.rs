@@ -79,8 +79,10 @@ pub(super) trait Evaluate: Copy {
     fn constant(&self) -> f64;
     /// The values for photons that travel along `d`.
     fn values<L: Lanes>(&self, d: &[L; 3]) -> L;
-    /// Whether it is the same for all directions.
+    /// Whether its type says that it is the same for all directions.
     const EVEN: bool = false;
+    /// The same, one type for all kinds.
+    fn any(&self) -> Any<'_>;
     /// For ω = z: the values, and κ such that for other ω near by they become values · (1 + κ (d·ω − d_z))^{−3/2},
     /// exactly or in first order.
     fn near_axis<L: Lanes>(&self, d: &[L; 3]) -> (L, L);
@@ -105,6 +107,9 @@ impl Evaluate for Isotropic {
         L::splat(1.0)
     }
     const EVEN: bool = true;
+    fn any(&self) -> Any<'_> {
+        Any::Isotropic
+    }
     #[inline(always)]
     fn near_axis<L: Lanes>(&self, _: &[L; 3]) -> (L, L) {
         (L::splat(1.0), L::splat(0.0))
@@ -134,6 +139,9 @@ impl Evaluate for HenyeyGreenstein {
     fn values<L: Lanes>(&self, d: &[L; 3]) -> L {
         let y = plus_dot(self.base, d, &self.slope).rsqrt();
         y.mul(y).mul(y)
+    }
+    fn any(&self) -> Any<'_> {
+        Any::HenyeyGreenstein(*self)
     }
     #[inline(always)]
     fn near_axis<L: Lanes>(&self, d: &[L; 3]) -> (L, L) {
@@ -172,6 +180,9 @@ impl Evaluate for Sum<'_> {
     fn constant(&self) -> f64 {
         1.0
     }
+    fn any(&self) -> Any<'_> {
+        Any::Sum(*self)
+    }
     #[inline(always)]
     fn values<L: Lanes>(&self, d: &[L; 3]) -> L {
         let ahead = squared_sum::<L>(d, &self.high, &self.low, 1.0);
@@ -197,6 +208,43 @@ impl Evaluate for Sum<'_> {
             growth = derivative.mul_add(L::splat(sign * term.weight), growth);
         }
         (sum, growth.mul(L::splat(-2.0 / 3.0)).div(sum.max(L::splat(f32::MIN_POSITIVE))))
+    }
+}
+
+/// A phase function whose kind is looked at where it is evaluated: for code that is compiled once for all.
+#[derive(Clone, Copy)]
+pub(super) enum Any<'a> {
+    Isotropic,
+    HenyeyGreenstein(HenyeyGreenstein),
+    Sum(Sum<'a>),
+}
+
+impl Evaluate for Any<'_> {
+    fn constant(&self) -> f64 {
+        match self {
+            Any::Isotropic => Isotropic.constant(),
+            Any::HenyeyGreenstein(phase) => phase.constant(),
+            Any::Sum(phase) => phase.constant(),
+        }
+    }
+    #[inline(always)]
+    fn values<L: Lanes>(&self, d: &[L; 3]) -> L {
+        match self {
+            Any::Isotropic => Isotropic.values(d),
+            Any::HenyeyGreenstein(phase) => phase.values(d),
+            Any::Sum(phase) => phase.values(d),
+        }
+    }
+    fn any(&self) -> Any<'_> {
+        *self
+    }
+    #[inline(always)]
+    fn near_axis<L: Lanes>(&self, d: &[L; 3]) -> (L, L) {
+        match self {
+            Any::Isotropic => Isotropic.near_axis(d),
+            Any::HenyeyGreenstein(phase) => phase.near_axis(d),
+            Any::Sum(phase) => phase.near_axis(d),
+        }
     }
 }
 

@@ -112,16 +112,24 @@ struct LookedUp<'a> {
 impl LookedUp<'_> {
     fn sum(self, phase: impl Evaluate, max_events: u8, stats: &mut GatherStats) -> Sums {
         match self.map.profile {
-            Profile::Constant => {
-                self.map.isa.run(GatherBall { found: self, phase, shape: Constant, max_events, stats })
-            }
-            Profile::Epanechnikov => {
-                self.map.isa.run(GatherBall { found: self, phase, shape: Epanechnikov, max_events, stats })
-            }
-            Profile::Biweight => {
-                self.map.isa.run(GatherBall { found: self, phase, shape: Biweight, max_events, stats })
-            }
+            Profile::Constant => self.sum_of(phase, Constant, max_events, stats),
+            Profile::Epanechnikov => self.sum_of(phase, Epanechnikov, max_events, stats),
+            Profile::Biweight => self.sum_of(phase, Biweight, max_events, stats),
         }
+    }
+
+    fn sum_of(self, phase: impl Evaluate, shape: impl Shape, max_events: u8, stats: &mut GatherStats) -> Sums {
+        let any = phase.any();
+        self.map.isa.run_or(
+            GatherBall { found: self, phase, shape, max_events, stats },
+            |GatherBall { found, shape, max_events, stats, .. }| GatherBall {
+                found,
+                phase: any,
+                shape,
+                max_events,
+                stats,
+            },
+        )
     }
 }
 
@@ -152,6 +160,7 @@ impl<P: Evaluate, S: Shape> Task for GatherBall<'_, P, S> {
         let mut single = [zero; 3];
         let mut photons = 0;
         for (i, &index) in blocks.iter().enumerate() {
+            let index = index as usize;
             prefetch(&map.loads[blocks[(i + AHEAD).min(blocks.len() - 1)] as usize]);
             let d2 = map.squared::<L>(index, &lanes);
             let mut bits = L::bits(d2.less(limit));
@@ -165,14 +174,14 @@ impl<P: Evaluate, S: Shape> Task for GatherBall<'_, P, S> {
                 let height = dx.mul_add(L::splat(n.x), dy.mul_add(L::splat(n.y), height));
                 bits &= L::bits(zero.less(height));
             }
-            let events = map.events.get(index as usize);
+            let events = map.events.get(index);
             if let Some(events) = events
                 && max_events < u8::MAX
             {
                 bits &= at_most(events, max_events);
             }
             photons += u64::from(bits.count_ones());
-            let load = &map.loads[index as usize];
+            let load = &map.loads[index];
             let q = d2.neg_mul_add(inverse, L::splat(1.0)).max(zero);
             let weight = S::value(q).mul(phase.values(&load3::<L>(&load.direction))).keep(L::mask(bits));
             let power = load3::<L>(&load.power);

@@ -8,7 +8,7 @@ use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, Sum};
 use crate::math::DVec3;
 use crate::photon::discs::PhotonMap;
 use crate::photon::simd::{LANES, Lanes, Task, prefetch};
-use crate::photon::store::LEAF;
+use crate::photon::store::blocks_of;
 
 /// Rays that go together: their sums and frames stay in the second cache.
 const BATCH: usize = 8192;
@@ -82,11 +82,9 @@ impl PhotonMap {
             scratch.sums.clear();
             scratch.sums.resize(rays.len(), Default::default());
             if grey {
-                let transmittance = Grey(exponents[0]);
-                self.isa.run(GatherStream { map: self, rays: &prepared, transmittance, max_events, scratch, stats });
+                self.stream_kind(&prepared, Grey(exponents[0]), max_events, scratch, stats);
             } else {
-                let transmittance = Coloured(exponents);
-                self.isa.run(GatherStream { map: self, rays: &prepared, transmittance, max_events, scratch, stats });
+                self.stream_kind(&prepared, Coloured(exponents), max_events, scratch, stats);
             }
             let constant = prepared.first().map_or(0.0, |ray| ray.phase.constant()) as f32;
             out.extend(scratch.sums.iter().map(|[total, single]| Gathered {
@@ -94,6 +92,28 @@ impl PhotonMap {
                 single: single.map(|sum| sum * constant),
             }));
         }
+    }
+
+    fn stream_kind<P: Evaluate>(
+        &self,
+        rays: &[Prepared<P>],
+        transmittance: impl Transmit,
+        max_events: u8,
+        scratch: &mut StreamScratch,
+        stats: &mut GatherStats,
+    ) {
+        let any = transmittance.any();
+        self.isa.run_or(
+            GatherStream { map: self, rays, transmittance, max_events, scratch, stats },
+            |GatherStream { map, rays, max_events, scratch, stats, .. }| GatherStream {
+                map,
+                rays,
+                transmittance: any,
+                max_events,
+                scratch,
+                stats,
+            },
+        );
     }
 }
 
@@ -146,14 +166,12 @@ impl<P: Evaluate, T: Transmit> Task for GatherStream<'_, P, T> {
                 } else {
                     lanes.hit(&node.center, &node.radius)
                 };
-                let (mut blocks, mut inner) = (hit & leaves, hit & !leaves);
+                let (blocks, mut inner) = (hit & leaves, hit & !leaves);
                 if blocks != 0 {
                     let mut found = Found::<L>::none();
                     let limits = (max_events, ray.pruning);
                     met += u64::from(blocks.count_ones());
-                    while blocks != 0 {
-                        let block = (node.children[blocks.trailing_zeros() as usize] & !LEAF) as usize;
-                        blocks &= blocks - 1;
+                    for block in blocks_of(&node.children, blocks) {
                         add_block(map, block, &lanes, &ray.phase, &transmittance, limits, &mut found);
                     }
                     photons += found.photons;

@@ -10,7 +10,8 @@ use super::kernel::Profile;
 use super::radius::{InMedium, Radii, radius_limits};
 use super::simd::{Isa, LANES, Lanes, Row, Task};
 use super::store::{
-    KEPT, LEAF, List, Photon, STACK, children, events_of, node_count, ordered, photons_in, pieces, storable,
+    Descent, KEPT, LEAF, List, Meets, Photon, Subtrees, blocks_of, children, events_of, node_count, ordered,
+    photons_in, pieces, storable,
 };
 use crate::math::{Bounds, Vec3};
 use rayon::prelude::*;
@@ -80,6 +81,18 @@ impl BoxNode {
         children: [0; LANES],
         leaves: 0,
     };
+}
+
+impl Subtrees for BoxNode {
+    #[inline(always)]
+    fn children(&self) -> &[u32; LANES] {
+        &self.children
+    }
+
+    #[inline(always)]
+    fn leaves(&self) -> u16 {
+        self.leaves
+    }
 }
 
 /// How far the nearest surface is at least, around a block.
@@ -258,14 +271,11 @@ impl PointMap {
             Ball::Fixed(_) => {
                 let squared = (self.reach() * self.reach()).min(f32::MAX);
                 memory.blocks.clear();
-                let mut walk = Walk::new(self);
-                while let Some((node, mut hit)) = walk.next(&lanes, squared) {
-                    while hit != 0 {
-                        memory.blocks.push(node.children[hit.trailing_zeros() as usize] & !LEAF);
-                        hit &= hit - 1;
-                    }
+                let mut descent = Descent::new(&self.nodes);
+                while let Some((node, hit)) = descent.next::<L>(&Near { x: &lanes, squared }) {
+                    memory.blocks.extend(blocks_of(&self.nodes[node].children, hit).map(|block| block as u32));
                 }
-                memory.nodes += walk.visited;
+                memory.nodes += descent.visited();
                 squared
             }
             Ball::Nearest { neighbours, .. } => {
@@ -302,17 +312,15 @@ impl PointMap {
             bound = bound.max(least).min(cap);
             blocks.clear();
             list.clear();
-            let mut walk = Walk::new(self);
-            while let Some((node, mut hit)) = walk.next(lanes, bound) {
-                while hit != 0 {
-                    let block = node.children[hit.trailing_zeros() as usize] & !LEAF;
-                    hit &= hit - 1;
+            let mut descent = Descent::new(&self.nodes);
+            while let Some((node, hit)) = descent.next::<L>(&Near { x: lanes, squared: bound }) {
+                for block in blocks_of(&self.nodes[node].children, hit) {
                     let d2 = self.squared(block, lanes);
                     let bits = L::bits(d2.less_equal(L::splat(bound)));
                     if bits == 0 {
                         continue;
                     }
-                    blocks.push(block);
+                    blocks.push(block as u32);
                     list.push(d2, bits);
                     if list.len() > most {
                         let tighter = list.select::<L>(n, bound);
@@ -321,7 +329,7 @@ impl PointMap {
                     }
                 }
             }
-            memory.nodes += walk.visited;
+            memory.nodes += descent.visited();
             if list.len() >= n {
                 break list.select::<L>(n, bound).max(least);
             }
@@ -345,15 +353,15 @@ impl PointMap {
 
     /// Squared distances of a block's photons from `x`.
     #[inline(always)]
-    pub(crate) fn squared<L: Lanes>(&self, block: u32, x: &[L; 3]) -> L {
+    pub(crate) fn squared<L: Lanes>(&self, block: usize, x: &[L; 3]) -> L {
         let [dx, dy, dz] = self.relative(block, x);
         dx.mul_add(dx, dy.mul_add(dy, dz.mul(dz)))
     }
 
     /// A block's photons relative to `x`.
     #[inline(always)]
-    pub(crate) fn relative<L: Lanes>(&self, block: u32, x: &[L; 3]) -> [L; 3] {
-        let rows = &self.positions[block as usize];
+    pub(crate) fn relative<L: Lanes>(&self, block: usize, x: &[L; 3]) -> [L; 3] {
+        let rows = &self.positions[block];
         [L::load(&rows[0]).sub(x[0]), L::load(&rows[1]).sub(x[1]), L::load(&rows[2]).sub(x[2])]
     }
 
@@ -468,45 +476,19 @@ impl Input<'_> {
     }
 }
 
-/// A way through the tree.
-struct Walk<'a> {
-    map: &'a PointMap,
-    stack: [u32; STACK + LANES],
-    waiting: usize,
-    /// Nodes so far.
-    visited: u64,
+/// What comes within a squared distance of `x`.
+struct Near<'a, L> {
+    x: &'a [L; 3],
+    squared: f32,
 }
 
-impl<'a> Walk<'a> {
+impl<L: Lanes> Meets<BoxNode> for Near<'_, L> {
     #[inline(always)]
-    fn new(map: &'a PointMap) -> Self {
-        Walk { map, stack: [0; STACK + LANES], waiting: usize::from(!map.nodes.is_empty()), visited: 0 }
-    }
-
-    /// The next node with blocks whose boxes come within the squared distance `bound` of `x`, and which of its
-    /// children they are.
-    #[inline(always)]
-    fn next<L: Lanes>(&mut self, x: &[L; 3], bound: f32) -> Option<(&'a BoxNode, u16)> {
-        while self.waiting > 0 {
-            self.waiting -= 1;
-            let node = &self.map.nodes[self.stack[self.waiting] as usize];
-            self.visited += 1;
-            // Each step rounds like that of `squared`, so that no photon seems closer than the box it is in.
-            let [dx, dy, dz] = [away(node, 0, x[0]), away(node, 1, x[1]), away(node, 2, x[2])];
-            let gap = dx.mul_add(dx, dy.mul_add(dy, dz.mul(dz)));
-            let hit = L::bits(gap.less_equal(L::splat(bound)));
-            let inner = hit & !node.leaves;
-            if inner != 0
-                && let Some(out) = self.stack[self.waiting..].first_chunk_mut()
-            {
-                L::compress_indices(&node.children, inner, out);
-                self.waiting += inner.count_ones() as usize;
-            }
-            if hit & node.leaves != 0 {
-                return Some((node, hit & node.leaves));
-            }
-        }
-        None
+    fn children(&self, node: &BoxNode) -> u16 {
+        // Each step rounds like that of `PointMap::squared`, so that no photon seems closer than the box it is in.
+        let [dx, dy, dz] = [away(node, 0, self.x[0]), away(node, 1, self.x[1]), away(node, 2, self.x[2])];
+        let gap = dx.mul_add(dx, dy.mul_add(dy, dz.mul(dz)));
+        L::bits(gap.less_equal(L::splat(self.squared)))
     }
 }
 

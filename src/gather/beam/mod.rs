@@ -11,16 +11,16 @@
 //! - `transmittance` is T, and how far a query goes where that is small.
 
 mod block;
-mod descent;
 mod frame;
 mod leaning;
+mod listing;
 mod query;
 #[cfg(test)]
 mod tests;
 mod transmittance;
 
 pub(super) use block::{Found, add_block};
-pub(super) use descent::{Descent, Meets};
 pub(super) use frame::{RayFrame, Slabs};
+pub(super) use listing::Listing;
 pub use query::BeamQuery;
 pub(super) use transmittance::{Coloured, Grey, Pruning, Transmit, exponents};

@@ -1,8 +1,8 @@
 //! The beam query: what is asked, and how it is answered.
 
 use super::block::{Found, add_block};
-use super::descent::{Descent, Meets};
 use super::frame::{RayFrame, RayLanes, Slabs};
+use super::listing::Listing;
 use super::transmittance::{Coloured, Grey, Pruning, Tabulated, Transmit, exponents};
 use crate::gather::depth::DepthTable;
 use crate::gather::gathered::{GatherStats, Gathered, Sums};
@@ -10,7 +10,7 @@ use crate::gather::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLan
 use crate::math::{DVec3, Vec3};
 use crate::photon::discs::PhotonMap;
 use crate::photon::simd::{Lanes, Task};
-use crate::photon::store::Node;
+use crate::photon::store::{Meets, Node};
 
 /// A segment of a ray from the eye through one medium.
 #[derive(Clone, Copy, Debug)]
@@ -83,7 +83,14 @@ impl PhotonMap {
         stats: &mut GatherStats,
     ) -> Gathered {
         let constant = phase.constant();
-        let sums = self.isa.run(GatherBeam { map: self, query, pruning, phase, transmittance, stats });
+        let (any_phase, any_transmittance) = (phase.any(), transmittance.any());
+        let sums = self.isa.run_or(
+            GatherBeam { map: self, query, pruning, phase, transmittance, stats },
+            |GatherBeam { map, query, pruning, stats, .. }| {
+                let (phase, transmittance) = (any_phase, any_transmittance);
+                GatherBeam { map, query, pruning, phase, transmittance, stats }
+            },
+        );
         sums.times(constant)
     }
 }
@@ -107,7 +114,7 @@ struct RayTest<'a, L> {
     slabs: &'a Option<Slabs>,
 }
 
-impl<L: Lanes> Meets<L> for RayTest<'_, L> {
+impl<L: Lanes> Meets<Node> for RayTest<'_, L> {
     #[inline(always)]
     fn children(&self, node: &Node) -> u16 {
         match self.slabs {
@@ -128,14 +135,14 @@ impl<P: Evaluate, T: Transmit> Task for GatherBeam<'_, P, T> {
 
         let limits = (query.max_events, pruning);
         let mut sums = Sums { total: [0.0; 3], single: [0.0; 3] };
-        let mut descent = Descent::new();
+        let mut listing = Listing::new(map);
         let (mut blocks, mut photons) = (0, 0);
-        while descent.goes_on() {
-            let listed = descent.list::<L>(map, &RayTest { ray: &ray, slabs: &slabs });
+        while listing.goes_on() {
+            let listed = listing.fill::<L>(&RayTest { ray: &ray, slabs: &slabs });
             let mut found = Found::<L>::none();
             for i in 0..listed {
-                map.blocks.prefetch(descent.block((i + AHEAD).min(listed - 1)));
-                let index = descent.block(i);
+                map.blocks.prefetch(listing.block((i + AHEAD).min(listed - 1)));
+                let index = listing.block(i);
                 add_block(map, index, &ray, &phase, &transmittance, limits, &mut found);
             }
             for channel in 0..3 {
@@ -145,7 +152,7 @@ impl<P: Evaluate, T: Transmit> Task for GatherBeam<'_, P, T> {
             blocks += listed as u64;
             photons += found.photons;
         }
-        stats.nodes += descent.nodes;
+        stats.nodes += listing.nodes();
         stats.blocks += blocks;
         stats.photons += photons;
         sums

@@ -50,6 +50,9 @@ pub(in crate::gather) fn exponents(extinction: Vec3) -> [f32; 3] {
 
 /// Transmittance from the segment's start, times a factor, for each channel.
 pub(in crate::gather) trait Transmit: Copy {
+    /// The same, one type for all kinds.
+    fn any(&self) -> AnyTransmittance<'_>;
+
     /// Lanes outside of `bits` may be anything.
     fn weigh<L: Lanes>(&self, factor: L, t: L, bits: u16, pruning: Pruning) -> [L; 3];
 
@@ -65,6 +68,10 @@ pub(in crate::gather) trait Transmit: Copy {
 pub(in crate::gather) struct Grey(pub(in crate::gather) f32);
 
 impl Transmit for Grey {
+    fn any(&self) -> AnyTransmittance<'_> {
+        AnyTransmittance::Grey(*self)
+    }
+
     #[inline(always)]
     fn weigh<L: Lanes>(&self, factor: L, t: L, _: u16, pruning: Pruning) -> [L; 3] {
         let exponent = t.mul(L::splat(self.0));
@@ -78,6 +85,10 @@ impl Transmit for Grey {
 pub(in crate::gather) struct Coloured(pub(in crate::gather) [f32; 3]);
 
 impl Transmit for Coloured {
+    fn any(&self) -> AnyTransmittance<'_> {
+        AnyTransmittance::Coloured(*self)
+    }
+
     #[inline(always)]
     fn weigh<L: Lanes>(&self, factor: L, t: L, _: u16, pruning: Pruning) -> [L; 3] {
         let [x, y, z] = [t.mul(L::splat(self.0[0])), t.mul(L::splat(self.0[1])), t.mul(L::splat(self.0[2]))];
@@ -90,13 +101,17 @@ impl Transmit for Coloured {
 
 /// A heterogeneous medium.
 #[derive(Clone, Copy)]
-pub(super) struct Tabulated<'a> {
+pub(in crate::gather) struct Tabulated<'a> {
     pub(super) table: &'a DepthTable,
     pub(super) exponents: [f32; 3],
     pub(super) grey: bool,
 }
 
 impl Transmit for Tabulated<'_> {
+    fn any(&self) -> AnyTransmittance<'_> {
+        AnyTransmittance::Tabulated(*self)
+    }
+
     #[inline(always)]
     fn weigh<L: Lanes>(&self, factor: L, t: L, bits: u16, pruning: Pruning) -> [L; 3] {
         let depth = self.table.depths(t, bits);
@@ -110,5 +125,36 @@ impl Transmit for Tabulated<'_> {
     #[inline(always)]
     fn density<L: Lanes>(&self, t: L, bits: u16) -> Option<L> {
         Some(self.table.densities(t, bits))
+    }
+}
+
+/// Transmittance whose kind is looked at where it is needed: for code that is compiled once for all.
+#[derive(Clone, Copy)]
+pub(in crate::gather) enum AnyTransmittance<'a> {
+    Grey(Grey),
+    Coloured(Coloured),
+    Tabulated(Tabulated<'a>),
+}
+
+impl Transmit for AnyTransmittance<'_> {
+    fn any(&self) -> AnyTransmittance<'_> {
+        *self
+    }
+
+    #[inline(always)]
+    fn weigh<L: Lanes>(&self, factor: L, t: L, bits: u16, pruning: Pruning) -> [L; 3] {
+        match self {
+            AnyTransmittance::Grey(medium) => medium.weigh(factor, t, bits, pruning),
+            AnyTransmittance::Coloured(medium) => medium.weigh(factor, t, bits, pruning),
+            AnyTransmittance::Tabulated(medium) => medium.weigh(factor, t, bits, pruning),
+        }
+    }
+
+    #[inline(always)]
+    fn density<L: Lanes>(&self, t: L, bits: u16) -> Option<L> {
+        match self {
+            AnyTransmittance::Tabulated(medium) => medium.density(t, bits),
+            _ => None,
+        }
     }
 }

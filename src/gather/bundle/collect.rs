@@ -9,12 +9,12 @@ use super::group::Group;
 use super::lines::{Around, AroundLanes, Line, Lines, Part, Towards, around, bound, offsets, rows, square};
 use super::photons::{Collected, WALLS};
 use super::rays::Bundle;
-use crate::gather::beam::{Descent, Meets};
+use crate::gather::beam::Listing;
 use crate::gather::sampled::VECTORS;
 use crate::math::{DVec3, Frame};
 use crate::photon::discs::PhotonMap;
 use crate::photon::simd::{Lanes, Task, at_most, dot_plus, load3, splat3};
-use crate::photon::store::Node;
+use crate::photon::store::{Meets, Node};
 use smallvec::SmallVec;
 
 /// The slope up to which a bundle is walked as one.
@@ -131,7 +131,7 @@ impl<L: Lanes> ConeLanes<L> {
 /// How many blocks ahead to fetch.
 const AHEAD: usize = 6;
 
-impl<L: Lanes> Meets<L> for ConeLanes<L> {
+impl<L: Lanes> Meets<Node> for ConeLanes<L> {
     #[inline(always)]
     fn children(&self, node: &Node) -> u16 {
         self.meets(&load3(&node.center), L::load(&node.radius))
@@ -161,15 +161,15 @@ impl<F: FnMut(usize, &mut Collected)> Task for Collect<'_, F> {
         let Collect { map, cone, max_events, near, serve } = self;
         let cone = cone.lanes::<L>();
 
-        let mut descent = Descent::new();
-        while descent.goes_on() {
-            let listed = descent.list::<L>(map, &cone);
+        let mut listing = Listing::new(map);
+        while listing.goes_on() {
+            let listed = listing.fill::<L>(&cone);
             for i in 0..listed.min(AHEAD) {
-                map.blocks.prefetch(descent.block(i));
+                map.blocks.prefetch(listing.block(i));
             }
             for i in 0..listed {
-                map.blocks.prefetch(descent.block((i + AHEAD).min(listed - 1)));
-                let index = descent.block(i);
+                map.blocks.prefetch(listing.block((i + AHEAD).min(listed - 1)));
+                let index = listing.block(i);
                 let block = map.blocks.get(index);
                 let x = load3(block.position);
                 let inverse_square = L::load(block.inverse_square);
@@ -207,6 +207,6 @@ impl<F: FnMut(usize, &mut Collected)> Task for Collect<'_, F> {
                 }
             }
         }
-        descent.nodes
+        listing.nodes()
     }
 }

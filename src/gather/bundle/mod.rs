@@ -154,8 +154,21 @@ impl PhotonMap {
         let BundleScratch { near, plain, careful, lists, .. } = scratch;
         let mut serve = |kind: usize, near: &mut Collected| {
             for group in groups.iter_mut() {
-                let shift = Shift { bundle, phase, near, kind, group, plain, careful, lists, stats };
-                self.isa.run(shift);
+                let any = phase.any();
+                self.isa.run_or(
+                    Shift { bundle, phase, near, kind, group, plain, careful, lists, stats },
+                    |Shift { bundle, near, kind, group, plain, careful, lists, stats, .. }| Shift {
+                        bundle,
+                        phase: any,
+                        near,
+                        kind,
+                        group,
+                        plain,
+                        careful,
+                        lists,
+                        stats,
+                    },
+                );
             }
             near.len = 0;
         };

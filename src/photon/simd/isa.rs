@@ -67,6 +67,16 @@ impl Isa {
 
     /// Runs `task` with this set's lanes.
     pub(crate) fn run<T: Task>(self, task: T) -> T::Output {
+        self.run_or(task, |task| task)
+    }
+
+    /// Runs `task`, or, where there are portable lanes only, what `general` makes of it: a task that looks at run time for
+    /// what others are compiled for, so that what is seldom needed is compiled once.
+    pub(crate) fn run_or<T: Task, G: Task<Output = T::Output>>(
+        self,
+        task: T,
+        general: impl FnOnce(T) -> G,
+    ) -> T::Output {
         match self.0 {
             // SAFETY: `available` alone makes values of this variant, where it found the features.
             #[cfg(target_arch = "x86_64")]
@@ -75,9 +85,9 @@ impl Isa {
             #[cfg(target_arch = "x86_64")]
             Set::Avx2 => unsafe { run_avx2(task) },
             #[cfg(target_arch = "x86_64")]
-            Set::Portable => task.run::<x86::Sse2>(),
+            Set::Portable => general(task).run::<x86::Sse2>(),
             #[cfg(not(target_arch = "x86_64"))]
-            Set::Portable => task.run::<Portable>(),
+            Set::Portable => general(task).run::<Portable>(),
         }
     }
 }

@@ -5,7 +5,7 @@
 //! to it in median order, one walk through the tree finds the nodes near the block, and each photon
 //! then looks into the blocks that its own bound reaches.
 
-use super::{Block, Blocks, LEAF, Node, STACK, photons_in};
+use super::{Block, Blocks, Descent, Meets, Node, blocks_of, photons_in};
 use crate::photon::radius::InMedium;
 use crate::photon::simd::{Isa, LANES, Lanes, Row, Task};
 use rayon::prelude::*;
@@ -211,23 +211,10 @@ impl Task for Search<'_> {
                 }
                 let low = [L::splat(low[0]), L::splat(low[1]), L::splat(low[2])];
                 let high = [L::splat(high[0]), L::splat(high[1]), L::splat(high[2])];
-                let mut stack = [0u32; STACK];
-                let mut waiting = 1;
-                while waiting > 0 {
-                    waiting -= 1;
-                    let index = stack[waiting];
-                    let node = &self.nodes[index as usize];
-                    let hit = L::bits(gap(node, &low, &high).less_equal(L::splat(widest)));
-                    let leaves = node.leaves();
-                    if hit & leaves != 0 {
-                        near.push((index, hit & leaves));
-                    }
-                    let mut inner = hit & !leaves;
-                    while inner != 0 {
-                        stack[waiting] = node.children[inner.trailing_zeros() as usize];
-                        waiting += 1;
-                        inner &= inner - 1;
-                    }
+                let near_block = Near { low, high, squared: widest };
+                let mut descent = Descent::new(self.nodes);
+                while let Some((index, blocks)) = descent.next::<L>(&near_block) {
+                    near.push((index as u32, blocks));
                 }
             }
 
@@ -242,11 +229,9 @@ impl Task for Search<'_> {
                 list.count = 0;
                 for &(index, leaves) in near.iter() {
                     let node = &self.nodes[index as usize];
-                    let mut hit = L::bits(gap(node, &x, &x).less_equal(L::splat(bound))) & leaves;
-                    while hit != 0 {
-                        let child = node.children[hit.trailing_zeros() as usize] & !LEAF;
-                        hit &= hit - 1;
-                        let d2 = squared(self.blocks.get(child as usize), &x);
+                    let hit = Near { low: x, high: x, squared: bound }.children(node) & leaves;
+                    for block in blocks_of(&node.children, hit) {
+                        let d2 = squared(self.blocks.get(block), &x);
                         list.push(d2, L::bits(d2.less_equal(L::splat(bound))));
                         if list.count + LANES > (rows - 1) * LANES {
                             bound = list.select::<L>(wanted, bound);
@@ -269,15 +254,23 @@ fn squared<L: Lanes>(block: Block<'_>, x: &[L; 3]) -> L {
     dx.mul_add(dx, dy.mul_add(dy, dz.mul(dz)))
 }
 
-/// Squared distances from a box to the boxes of a node's children.
-#[inline(always)]
-fn gap<L: Lanes>(node: &Node, low: &[L; 3], high: &[L; 3]) -> L {
-    let mut sum = L::splat(0.0);
-    for axis in 0..3 {
-        let below = L::load(&node.min[axis]).sub(high[axis]);
-        let above = low[axis].sub(L::load(&node.max[axis]));
-        let distance = below.max(above).max(L::splat(0.0));
-        sum = distance.mul_add(distance, sum);
+/// What comes within a squared distance of a box.
+struct Near<L> {
+    low: [L; 3],
+    high: [L; 3],
+    squared: f32,
+}
+
+impl<L: Lanes> Meets<Node> for Near<L> {
+    #[inline(always)]
+    fn children(&self, node: &Node) -> u16 {
+        let mut sum = L::splat(0.0);
+        for axis in 0..3 {
+            let below = L::load(&node.min[axis]).sub(self.high[axis]);
+            let above = self.low[axis].sub(L::load(&node.max[axis]));
+            let distance = below.max(above).max(L::splat(0.0));
+            sum = distance.mul_add(distance, sum);
+        }
+        L::bits(sum.less_equal(L::splat(self.squared)))
     }
-    sum
 }

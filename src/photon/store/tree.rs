@@ -11,9 +11,6 @@ use std::ops::Range;
 /// Marks a child that is a block.
 pub(crate) const LEAF: u32 = 1 << 31;
 
-/// Enough for the nodes that wait during a walk: fifteen for each of at most eight levels.
-pub(crate) const STACK: usize = 8 * LANES;
-
 /// Subtrees of fewer blocks are built by one thread.
 const PARALLEL_BLOCKS: usize = 512;
 
