@@ -1,8 +1,6 @@
 //! Equiangular draws along a segment (Kulla and Fajardo 2012): distances in proportion to the angle a light
 //! sees, which cancels the 1/d² of small lights near the ray.
 
-use std::f64::consts::FRAC_PI_2;
-
 use super::flight;
 use super::segment::{Crossing, Segment};
 use crate::light::{Arrival, Directivity, Light};
@@ -84,32 +82,37 @@ impl Flight {
         scene.lights.iter().map(|light| self.importance(light)).sum()
     }
 
-    /// The angles under which `to` sees the ends, its foot on the ray and its distance from the ray.
-    fn angles(&self, to: DVec3) -> (f64, f64, f64, f64) {
+    /// How `to` sees the segment.
+    fn seen_from(&self, to: DVec3) -> Seen {
         let foot = (to - self.ray.origin).dot(self.ray.direction);
         let distance = to.distance(self.ray.origin);
         // A light on the ray itself is moved off it by a billionth.
         let aside = to.distance(self.ray.at(foot)).max(1e-9 * distance).max(f64::MIN_POSITIVE);
-        let start = (self.a - foot).atan2(aside);
-        let end = if self.b.is_finite() { (self.b - foot).atan2(aside) } else { FRAC_PI_2 };
-        (start, end, foot, aside)
+        let start = self.a - foot;
+        // The difference of both ends' angles to the perpendicular, by the tangent of a difference.
+        let angle = if self.b.is_finite() {
+            (aside * (self.b - self.a)).atan2(aside * aside + start * (self.b - foot))
+        } else {
+            aside.atan2(start)
+        };
+        Seen { foot, aside, start, angle }
     }
 
     /// The density per length of drawing `t` for a light at `to`.
     fn distance_density(&self, to: DVec3, t: f64) -> f64 {
-        let (start, end, foot, aside) = self.angles(to);
-        if end <= start {
-            return 0.0;
-        }
-        aside / ((end - start) * (aside * aside + (t - foot) * (t - foot)))
+        let seen = self.seen_from(to);
+        if seen.angle > 0.0 { seen.density(t) } else { 0.0 }
     }
 
     /// Draws `t` for a light at `to`; with the density.
     fn draw_distance(&self, to: DVec3, u: f64) -> Option<(f64, f64)> {
-        let (start, end, foot, aside) = self.angles(to);
-        let t = (foot + aside * (start + u * (end - start)).tan()).clamp(self.a, self.b);
-        let density = aside / ((end - start) * (aside * aside + (t - foot) * (t - foot)));
-        (end > start && t.is_finite()).then_some((t, density))
+        let seen = self.seen_from(to);
+        let Seen { foot, aside, start, angle } = seen;
+        // foot + aside tan(α + u angle), of tan α = start/aside, by the tangent of a sum.
+        let (sin, cos) = (u * angle).sin_cos();
+        let along = aside * (start * cos + aside * sin) / (aside * cos - start * sin);
+        let t = (foot + along).clamp(self.a, self.b);
+        (angle > 0.0 && t.is_finite()).then(|| (t, seen.density(t)))
     }
 
     /// The chance with which [`draw`] chooses a light.
@@ -122,6 +125,27 @@ impl Flight {
         } else {
             0.0
         }
+    }
+}
+
+/// How a point sees a segment of a ray.
+#[derive(Clone, Copy)]
+struct Seen {
+    /// The parameter of its foot on the ray.
+    foot: f64,
+    /// Its distance from the ray.
+    aside: f64,
+    /// From the foot to where the segment begins.
+    start: f64,
+    /// The angle under which it sees the segment.
+    angle: f64,
+}
+
+impl Seen {
+    /// The density per length at `t` of draws in proportion to the angle.
+    fn density(&self, t: f64) -> f64 {
+        let Seen { foot, aside, angle, .. } = *self;
+        aside / (angle * (aside * aside + (t - foot) * (t - foot)))
     }
 }
 
@@ -240,5 +264,49 @@ impl Landing {
             normal: crossing.hit.normal,
         };
         self.rival(scene, crossing.light, &arrival)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::random::Purpose;
+    use std::f64::consts::FRAC_PI_2;
+
+    /// Draws against angles taken one by one: the share of the angle before a draw is its random number, and the density is
+    /// the derivative of that share. Beside the light and on its line, before it, behind it, and without an end.
+    #[test]
+    fn draws_share_out_the_angle() {
+        let mut stream = Stream::new(1, Purpose::Test, 0, 0);
+        for case in 0..20_000 {
+            let size = 10f64.powf(8.0 * stream.uniform() - 4.0);
+            let [from, length, aside] = std::array::from_fn(|_| 10f64.powf(6.0 * stream.uniform() - 3.0));
+            let a = if case % 2 == 0 { 0.0 } else { size };
+            let foot = if case % 3 == 0 { -from } else { from } * size;
+            let b = if case % 5 == 0 { f64::INFINITY } else { a + length * size };
+            let aside = aside * size;
+            let flight = Flight {
+                ray: Ray::new(DVec3::new(0.0, 0.0, size), DVec3::X),
+                a,
+                b,
+                weight: Rgb::ONE,
+                chance: 1.0,
+                reach: f64::INFINITY,
+            };
+            let to = DVec3::new(foot, 0.6 * aside, size + 0.8 * aside);
+            let u = stream.uniform();
+            let (t, density) = flight.draw_distance(to, u).unwrap();
+
+            let angle = |t: f64| if t.is_finite() { ((t - foot) / aside).atan() } else { FRAC_PI_2 };
+            let (start, end) = (angle(a), angle(b));
+            // Angles near a right one, and their differences, lose digits to rounding.
+            let sure = 1e-9 + 1e-13 / (end - start);
+            let at = format!("case {case}: {u} draws {t} of {a} to {b}, the foot at {foot}, {aside} aside");
+            assert!((a..=b).contains(&t), "{at}");
+            assert!(((angle(t) - start) / (end - start) - u).abs() < sure, "{at}");
+            let expected = 1.0 / (aside * (end - start) * (1.0 + ((t - foot) / aside).powi(2)));
+            assert!((density / expected - 1.0).abs() < sure, "{at}: density {density}, not {expected}");
+            assert_eq!(density, flight.distance_density(to, t), "{at}");
+        }
     }
 }
