@@ -10,6 +10,8 @@ struct Case {
     text: &'static str,
     /// Photons of the smaller of two maps; the larger holds 16 times as many.
     photons: u32,
+    /// Seeds of the larger map.
+    maps: u32,
     /// Camera samples a pixel by path tracing, for each of the seeds; with photons one in 25 of them.
     samples: u32,
     /// The bias of the larger map, as a share of the mean.
@@ -24,13 +26,13 @@ impl Case {
         let mut checks = Checks::default();
         let text = format!("{FILM}{}", self.text);
         let samples = format!("render.samples={}", self.samples);
-        let path = images(20, &text, &["render.method=path", &samples]);
+        let path = images(16, &text, &["render.method=path", &samples]);
         let photons = |count: u32, seeds: u32| {
             let (count, samples) = (format!("photons.volume={count}"), format!("render.samples={}", self.samples / 25));
             images(seeds, &text, &["render.method=photon", &samples, &count])
         };
-        let few = photons(self.photons, 12);
-        let many = photons(16 * self.photons, 14);
+        let few = photons(self.photons, 8);
+        let many = photons(16 * self.photons, self.maps);
         // All channels together; each alone is noisier.
         let grey = |images: &[Image]| Estimate::over(images, |image| [image.mean(); 3]);
         checks.agree("many photons", &grey(&many), &grey(&path), 0.0135, self.bias);
@@ -78,6 +80,7 @@ position = [1.5, 1.5, 1]
 intensity = [3, 2, 1]
 "#,
         photons: 20_000,
+        maps: 6,
         samples: 100,
         bias: 0.01,
     }
@@ -117,6 +120,7 @@ outer_angle = 60
 radius = 0.3
 "#,
         photons: 30_000,
+        maps: 14,
         samples: 1000,
         bias: 0.01,
     }
@@ -149,6 +153,7 @@ irradiance = 3
 angle = 8
 "#,
         photons: 20_000,
+        maps: 6,
         samples: 100,
         bias: 0.01,
     }
@@ -180,6 +185,7 @@ file = "beam/window.hdr"
 rotate = 40
 "#,
         photons: 20_000,
+        maps: 6,
         samples: 100,
         bias: 0.01,
     }
@@ -217,6 +223,7 @@ type = "environment"
 radiance = [1, 0.9, 0.7]
 "#,
         photons: 20_000,
+        maps: 6,
         samples: 100,
         bias: 0.02,
     }
@@ -257,6 +264,7 @@ center = [-10, 3, 0]
 radius = 2.5
 "#,
         photons: 40_000,
+        maps: 8,
         samples: 100,
         bias: 0.01,
     }
@@ -296,6 +304,7 @@ radius = 0.6
 emission = { radiance = 10 }
 "#,
         photons: 40_000,
+        maps: 5,
         samples: 100,
         bias: 0.01,
     }
@@ -334,6 +343,7 @@ direction = [0, -1, 0.3]
 irradiance = 2
 "#,
         photons: 20_000,
+        maps: 6,
         samples: 100,
         bias: 0.01,
     }

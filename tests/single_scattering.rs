@@ -71,8 +71,8 @@ material = "glossy"
 fn fog_with_a_lamp() {
     let mut checks = Checks::default();
     // Light scattered once, or reflected once: no photon takes part.
-    let path = of(ROOM, 16, 320, &[PATH, "render.max_depth=1"]);
-    let traced = of(ROOM, 16, 140, &[PHOTON, TRACED, "render.max_depth=1"]);
+    let path = of(ROOM, 16, 100, &[PATH, "render.max_depth=1"]);
+    let traced = of(ROOM, 16, 50, &[PHOTON, TRACED, "render.max_depth=1"]);
     checks.agree("one event", &traced, &path, 0.006, 0.0);
     for step in ["uniform", "adaptive", "exponential"] {
         let [step_is, size_is] = march(step, 0.5);
@@ -82,11 +82,11 @@ fn fog_with_a_lamp() {
     }
     let text = format!("{ROOM}{MIRROR}");
     let seen_twice = ["materials.wall.reflectance=0", "render.max_depth=2"];
-    let path = of(&text, 16, 400, &[&seen_twice[..], &[PATH]].concat());
-    let traced = of(&text, 32, 160, &[&seen_twice[..], &[PHOTON, TRACED, "photons.volume=100_000"]].concat());
+    let path = of(&text, 16, 130, &[&seen_twice[..], &[PATH]].concat());
+    let traced = of(&text, 16, 160, &[&seen_twice[..], &[PHOTON, TRACED, "photons.volume=100_000"]].concat());
     checks.agree("in a mirror", &traced, &path, 0.006, 0.004);
     // All light; most of the noise is that of walls. Photons of the second collision on are blurred, but count for less.
-    let path = of(ROOM, 16, 400, &[PATH]);
+    let path = of(ROOM, 16, 120, &[PATH]);
     let photons = "photons.volume=100_000";
     let traced = of(ROOM, 28, 36, &[PHOTON, TRACED, photons]);
     checks.agree("all light, traced", &traced, &path, 0.01, 0.003);
@@ -129,17 +129,17 @@ position = [2, 1, 1]
 target = [0, 0, 0]
 intensity = 10
 "#;
-    let path = of(text, 16, 140, &[PATH, "render.max_depth=1"]);
-    let traced = of(text, 16, 140, &[PHOTON, TRACED, "render.max_depth=1"]);
+    let path = of(text, 16, 50, &[PATH, "render.max_depth=1"]);
+    let traced = of(text, 16, 40, &[PHOTON, TRACED, "render.max_depth=1"]);
     checks.agree("one event", &traced, &path, 0.006, 0.0);
     for step in ["uniform", "adaptive", "exponential"] {
         let [step_is, size_is] = march(step, 0.4);
         let set = [PHOTON, TRACED, "render.max_depth=1", &step_is, &size_is];
-        let marched = of(text, 16, 13, &set);
+        let marched = of(text, 16, 6, &set);
         checks.agree(&format!("one event, {step} steps"), &marched, &path, 0.006, 0.0);
     }
-    let path = of(text, 16, 160, &[PATH]);
-    let traced = of(text, 16, 16, &[PHOTON, TRACED, "photons.volume=100_000"]);
+    let path = of(text, 16, 80, &[PATH]);
+    let traced = of(text, 8, 16, &[PHOTON, TRACED, "photons.volume=100_000"]);
     checks.agree("all light", &traced, &path, 0.006, 0.01);
     checks.finish();
 }
@@ -182,12 +182,12 @@ fn a_caustic_survives() {
     let mut checks = Checks::default();
     let depth = "render.max_depth=3";
     let path = of(CAUSTIC, 16, 1000, &[PATH, depth]);
-    let traced = of(CAUSTIC, 16, 44, &[PHOTON, TRACED, depth, "photons.volume=200_000"]);
+    let traced = of(CAUSTIC, 8, 44, &[PHOTON, TRACED, depth, "photons.volume=200_000"]);
     checks.agree("traced", &traced, &path, 0.0065, 0.006);
-    let photons = of(CAUSTIC, 28, 48, &[PHOTON, depth, "photons.volume=200_000"]);
+    let photons = of(CAUSTIC, 16, 48, &[PHOTON, depth, "photons.volume=200_000"]);
     checks.agree("photons", &photons, &path, 0.0065, 0.01);
     // Without what came through the glass it would be darker by more than that.
-    let straight = of(CAUSTIC, 16, 400, &[PATH, "render.max_depth=1"]).mean[0];
+    let straight = of(CAUSTIC, 16, 60, &[PATH, "render.max_depth=1"]).mean[0];
     let share = 1.0 - straight / path.mean[0];
     checks.holds(format!("{share} of the light has more than one event"), share > 0.05);
     checks.finish();
@@ -221,8 +221,8 @@ radius = 0.3
 emission = { radiance = 5, side = "both" }
 "#;
     for depth in ["render.max_depth=1", "render.max_depth=0"] {
-        let path = of(text, 16, 400, &[PATH, depth]);
-        let traced = of(text, 16, 64, &[PHOTON, TRACED, depth, "photons.volume=100_000"]);
+        let path = of(text, 16, 60, &[PATH, depth]);
+        let traced = of(text, 8, 64, &[PHOTON, TRACED, depth, "photons.volume=100_000"]);
         checks.agree(depth, &traced, &path, 0.003, 0.005);
     }
     checks.finish();
