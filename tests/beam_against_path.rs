@@ -119,7 +119,7 @@ inner_angle = 40
 outer_angle = 60
 radius = 0.3
 "#,
-        photons: 30_000,
+        photons: 15_000,
         maps: 14,
         samples: 1000,
         bias: 0.01,

@@ -202,7 +202,7 @@ fn single_scattering_around_a_point_light() {
         let photon = images(
             SEEDS,
             &text,
-            &["render.method=photon", "render.samples=2", "photons.volume=400000", "film.layers=false"],
+            &["render.method=photon", "render.samples=2", "photons.volume=200000", "film.layers=false"],
         );
         compare(
             &mut checks,

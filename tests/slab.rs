@@ -461,7 +461,7 @@ fn slabs_by_photons() {
     // Every second one, which leaves all of the indices and phase functions.
     for (slab, exact, _) in cases().into_iter().step_by(2) {
         for (side, name) in SIDES.into_iter().enumerate() {
-            let found = slab.by_gathering(side, Effort::once(16), |_| 0.0);
+            let found = slab.by_gathering(side, Effort::once(12), |_| 0.0);
             let precision = if exact[side] > 0.1 { 0.0125 } else { 0.025 };
             checks.agree(&format!("{slab}: {name}"), &found, &Estimate::exact([exact[side]; 3]), precision, 0.0);
         }

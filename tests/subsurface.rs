@@ -15,13 +15,13 @@ use crate::support::{Checks, Effort, Estimate, STRICT, chosen, scene};
 fn refracting_slabs_by_gathering() {
     let mut checks = Checks::default();
     let slab = Slab { index: 1.33, tau: 8.0, albedo: 0.99, phase: "hg", g: 0.5 };
-    for transmitted in [false, true] {
+    for (transmitted, maps) in [(false, 8), (true, 20)] {
         // Radiance by path tracing: at an angle, the solver's R and T are not what is seen.
         let view = "fov = 60\n[render]\nmethod = \"photon\"\nsamples = 64\n[photons]\nvolume = 150000\n\
                     [volume]\nkernel = \"fixed\"\nradius = 1.5";
         let text = slab.column(transmitted, 4.0, view);
         let path = Estimate::of(16, &text, &["render.method=path", "render.samples=2000"]);
-        let found = Estimate::of(20, &text, &[]);
+        let found = Estimate::of(maps, &text, &[]);
         checks.agree(&format!("{slab}, transmitted: {transmitted}"), &found, &path, 0.01, 0.01);
     }
     checks.finish();
@@ -104,10 +104,10 @@ fn balls_lit_from_the_front() {
     for (thickness, index, g, samples, (seeds, photons)) in [
         (1.0, 1.0, 0.8, 200, (8, 200_000)),
         (10.0, 1.0, 0.0, 20, (6, 200_000)),
-        (10.0, 1.3, 0.8, 50, (8, 200_000)),
+        (10.0, 1.3, 0.8, 40, (7, 200_000)),
         (100.0, 1.0, 0.0, 8, (6, 100_000)),
         (100.0, 1.5, 0.0, 20, (6, 100_000)),
-        (1000.0, 1.3, 0.8, 10, (10, 300_000)),
+        (1000.0, 1.3, 0.8, 6, (6, 300_000)),
     ] {
         let (path, photon) = ((Effort::once(16), samples), (Effort::once(seeds), photons));
         let ball = Ball { thickness, index, g, path, photon };
@@ -169,8 +169,8 @@ fn backlit(tau: f64, index: f64, g: f64, seeds: Effort, precise: f64) -> [Estima
 #[test]
 fn a_backlit_slab() {
     let mut checks = Checks::default();
-    for tau in [2.0, 10.0, 30.0] {
-        let [path, found] = backlit(tau, 1.5, 0.0, Effort::once(8), 0.0);
+    for (tau, seeds) in [(2.0, 5), (10.0, 8), (30.0, 8)] {
+        let [path, found] = backlit(tau, 1.5, 0.0, Effort::once(seeds), 0.0);
         checks.close(&format!("τ = {tau}"), &found, &path, 0.02, (3.0, 1.5));
     }
     checks.finish();
@@ -433,8 +433,8 @@ radiance = 0.3
 /// that come from far away are not so strong that they stand out.
 #[test]
 fn a_small_solid_on_a_wide_floor() {
-    let path = Estimate::of(16, ON_A_FLOOR, &["render.method=path", "render.samples=96"]);
-    let found = Estimate::of(24, ON_A_FLOOR, &["photons.volume=100000", "render.samples=8"]);
+    let path = Estimate::of(16, ON_A_FLOOR, &["render.method=path", "render.samples=48"]);
+    let found = Estimate::of(10, ON_A_FLOOR, &["photons.volume=100000", "render.samples=8"]);
     let mut checks = Checks::default();
     checks.agree("a small solid", &found, &path, 0.015, 0.01);
     checks.finish();
