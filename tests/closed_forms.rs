@@ -311,7 +311,7 @@ fn a_furnace_of_lossless_solids_by_photons() {
                 ball(material)
             );
             let one = Estimate::exact([1.0; 3]);
-            let of = |photons: u32| Estimate::of(6, &text, &[&format!("photons.volume={photons}")]);
+            let of = |photons: u32| Estimate::of(5, &text, &[&format!("photons.volume={photons}")]);
             let (few, many) = (of(10_000).bias(&one), of(160_000).bias(&one));
             for c in 0..3 {
                 let ((before, noise), (after, left)) = (few[c], many[c]);

@@ -88,9 +88,9 @@ fn fog_with_a_lamp() {
     // All light; most of the noise is that of walls. Photons of the second collision on are blurred, but count for less.
     let path = of(ROOM, 16, 120, &[PATH]);
     let photons = "photons.volume=100_000";
-    let traced = of(ROOM, 28, 36, &[PHOTON, TRACED, photons]);
+    let traced = of(ROOM, 18, 36, &[PHOTON, TRACED, photons]);
     checks.agree("all light, traced", &traced, &path, 0.01, 0.003);
-    let gathered = of(ROOM, 36, 36, &[PHOTON, photons]);
+    let gathered = of(ROOM, 24, 36, &[PHOTON, photons]);
     checks.agree("all light, photons", &gathered, &path, 0.01, 0.01);
     checks.finish();
 }
