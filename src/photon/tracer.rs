@@ -146,7 +146,7 @@ impl<'s> Tracer<'s> {
     }
 
     /// Emits one photon, and follows it and all that is split off it.
-    fn emit(&self, stream: &mut Stream, chunk: &mut Chunk, parts: &mut Parts<'s, Flight>) {
+    fn emit(&self, stream: &mut Stream, chunk: &mut Chunk, parts: &mut Parts<'s, Remembered>) {
         let Some(Start { ray, power, inside, from_light, source }) = self.sources.start(stream) else { return };
         if !power.is_finite() {
             chunk.tally.broken += 1;
@@ -154,7 +154,7 @@ impl<'s> Tracer<'s> {
         }
         let stored = chunk.volume.photons.len();
         chunk.volume.next();
-        let own = Flight { history: History::new(from_light), forced: self.forced, drawn: None, portion: false };
+        let own = Remembered { history: History::new(from_light), forced: self.forced, drawn: None, portion: false };
         let start =
             Part { walk: Walk::start(self.scene, ray, inside), luggage: Luggage::new(power, own), collision: None };
         let mut flying = Flying { tracer: self, chunk, stream, source, collided: false };
@@ -167,7 +167,7 @@ impl<'s> Tracer<'s> {
 
 /// What a photon remembers.
 #[derive(Clone, Copy, Debug)]
-struct Flight {
+struct Remembered {
     history: History,
     /// Whether its first collision is forced.
     forced: bool,
@@ -189,7 +189,7 @@ struct Flying<'f, 's> {
 }
 
 impl<'s> Traveller<'s> for Flying<'_, 's> {
-    type Own = Flight;
+    type Own = Remembered;
 
     fn scene(&self) -> &'s Scene {
         self.tracer.scene
@@ -202,7 +202,12 @@ impl<'s> Traveller<'s> for Flying<'_, 's> {
     /// Photons that set out into a deep medium get about the power of others there: strong ones are split, each part
     /// wandering by itself, and weak ones left to roulette. One with the power of hundreds would be seen as a blotch, and
     /// many weak ones take the room of others in the map.
-    fn sets_out(&mut self, walk: &Walk<'s>, luggage: &mut Luggage<Flight>, parts: &mut Parts<'s, Flight>) -> bool {
+    fn sets_out(
+        &mut self,
+        walk: &Walk<'s>,
+        luggage: &mut Luggage<Remembered>,
+        parts: &mut Parts<'s, Remembered>,
+    ) -> bool {
         if std::mem::take(&mut luggage.own.portion) {
             return true;
         }
@@ -230,7 +235,7 @@ impl<'s> Traveller<'s> for Flying<'_, 's> {
             let count = (power / portion).round().min(MOST_SPLIT);
             luggage.weight /= count;
             for _ in 1..count as usize {
-                let luggage = luggage.part(luggage.weight, Flight { portion: true, ..luggage.own });
+                let luggage = luggage.part(luggage.weight, Remembered { portion: true, ..luggage.own });
                 parts.push(Part { walk: walk.clone(), luggage, collision: None });
             }
         }
@@ -238,7 +243,7 @@ impl<'s> Traveller<'s> for Flying<'_, 's> {
     }
 
     /// Flights through dense media end long before the far side of a solid: they are drawn first.
-    fn farthest(&mut self, medium: u32, _: &Ray, luggage: &mut Luggage<Flight>) -> f64 {
+    fn farthest(&mut self, medium: u32, _: &Ray, luggage: &mut Luggage<Remembered>) -> f64 {
         let medium = &self.tracer.scene.media[medium as usize];
         if luggage.own.forced || !medium.density.is_even() {
             return f64::INFINITY;
@@ -249,8 +254,8 @@ impl<'s> Traveller<'s> for Flying<'_, 's> {
     fn segment(
         &mut self,
         segment: &Segment<'_>,
-        luggage: &mut Luggage<Flight>,
-        parts: &mut Parts<'s, Flight>,
+        luggage: &mut Luggage<Remembered>,
+        parts: &mut Parts<'s, Remembered>,
     ) -> ControlFlow<f64> {
         let medium = &self.tracer.scene.media[segment.medium as usize];
         let range = (segment.a, segment.b);
@@ -260,7 +265,7 @@ impl<'s> Traveller<'s> for Flying<'_, 's> {
             let forced = transport::force(medium, segment.ray, range, luggage.weight, self.stream);
             luggage.weight *= forced.passed;
             if let Some((t, weight)) = forced.collision {
-                let luggage = luggage.part(weight, Flight { forced: false, ..luggage.own });
+                let luggage = luggage.part(weight, Remembered { forced: false, ..luggage.own });
                 let walk = Walk::within(self.tracer.scene, segment);
                 parts.push(Part { walk, luggage, collision: Some((t, segment.medium)) });
             }
@@ -280,8 +285,8 @@ impl<'s> Traveller<'s> for Flying<'_, 's> {
         &mut self,
         at: Vertex<'_>,
         walk: &Walk<'s>,
-        luggage: &mut Luggage<Flight>,
-        parts: &mut Parts<'s, Flight>,
+        luggage: &mut Luggage<Remembered>,
+        parts: &mut Parts<'s, Remembered>,
     ) -> Option<Heading> {
         let heading = match at {
             Vertex::Surface(at) => self.reflect(at, walk, luggage, parts),
@@ -308,8 +313,8 @@ impl<'s> Flying<'_, 's> {
         &mut self,
         at: &Interaction,
         walk: &Walk<'s>,
-        luggage: &mut Luggage<Flight>,
-        parts: &mut Parts<'s, Flight>,
+        luggage: &mut Luggage<Remembered>,
+        parts: &mut Parts<'s, Remembered>,
     ) -> Option<Heading> {
         let (arriving, vertex) = (luggage.weight, Vertex::Surface(at));
         let onward = vertex.onward(Side::Light, None, &mut luggage.weight, self.stream, survive);
@@ -332,8 +337,8 @@ impl<'s> Flying<'_, 's> {
         &mut self,
         at: &Interaction,
         walk: &Walk<'s>,
-        (arriving, luggage): (Rgb, &Luggage<Flight>),
-        parts: &mut Parts<'s, Flight>,
+        (arriving, luggage): (Rgb, &Luggage<Remembered>),
+        parts: &mut Parts<'s, Remembered>,
     ) -> bool {
         let Some(typical) = self.tracer.typical.filter(|_| at.bsdf.nature() == Nature::Diffuse) else { return false };
         let sources = &self.tracer.sources;
@@ -357,7 +362,7 @@ impl<'s> Flying<'_, 's> {
             weight /= chance;
         }
         let history = luggage.own.history.after(false);
-        let mut part = luggage.part(weight, Flight { history, ..luggage.own });
+        let mut part = luggage.part(weight, Remembered { history, ..luggage.own });
         part.events = events;
         let mut walk = walk.clone();
         walk.leave(at, direction);
@@ -366,7 +371,7 @@ impl<'s> Flying<'_, 's> {
     }
 
     /// Leaves a photon where it collides, and scatters.
-    fn collide(&mut self, at: &Collision<'_>, luggage: &mut Luggage<Flight>) -> Option<Heading> {
+    fn collide(&mut self, at: &Collision<'_>, luggage: &mut Luggage<Remembered>) -> Option<Heading> {
         self.collided = true;
         self.chunk.collisions += 1;
         let history = (luggage.events, luggage.own.history);
