@@ -11,7 +11,7 @@ struct Case {
     /// Photons of the smaller of two maps; the larger holds 16 times as many.
     photons: u32,
     /// Seeds of the larger map.
-    maps: u32,
+    seeds: u32,
     /// Camera samples a pixel by path tracing, for each of the seeds; with photons one in 25 of them.
     samples: u32,
     /// The bias of the larger map, as a share of the mean.
@@ -32,7 +32,7 @@ impl Case {
             images(seeds, &text, &["render.method=photon", &samples, &count])
         };
         let few = photons(self.photons, 8);
-        let many = photons(16 * self.photons, self.maps);
+        let many = photons(16 * self.photons, self.seeds);
         // All channels together; each alone is noisier.
         let grey = |images: &[Image]| Estimate::over(images, |image| [image.mean(); 3]);
         checks.agree("many photons", &grey(&many), &grey(&path), 0.0135, self.bias);
@@ -80,7 +80,7 @@ position = [1.5, 1.5, 1]
 intensity = [3, 2, 1]
 "#,
         photons: 20_000,
-        maps: 6,
+        seeds: 6,
         samples: 100,
         bias: 0.01,
     }
@@ -120,8 +120,8 @@ outer_angle = 60
 radius = 0.3
 "#,
         photons: 15_000,
-        maps: 14,
-        samples: 1000,
+        seeds: 14,
+        samples: 500,
         bias: 0.01,
     }
     .check();
@@ -153,7 +153,7 @@ irradiance = 3
 angle = 8
 "#,
         photons: 20_000,
-        maps: 6,
+        seeds: 6,
         samples: 100,
         bias: 0.01,
     }
@@ -185,7 +185,7 @@ file = "beam/window.hdr"
 rotate = 40
 "#,
         photons: 20_000,
-        maps: 6,
+        seeds: 6,
         samples: 100,
         bias: 0.01,
     }
@@ -223,7 +223,7 @@ type = "environment"
 radiance = [1, 0.9, 0.7]
 "#,
         photons: 20_000,
-        maps: 6,
+        seeds: 6,
         samples: 100,
         bias: 0.02,
     }
@@ -264,7 +264,7 @@ center = [-10, 3, 0]
 radius = 2.5
 "#,
         photons: 40_000,
-        maps: 8,
+        seeds: 8,
         samples: 100,
         bias: 0.01,
     }
@@ -304,7 +304,7 @@ radius = 0.6
 emission = { radiance = 10 }
 "#,
         photons: 40_000,
-        maps: 5,
+        seeds: 5,
         samples: 100,
         bias: 0.01,
     }
@@ -343,7 +343,7 @@ direction = [0, -1, 0.3]
 irradiance = 2
 "#,
         photons: 20_000,
-        maps: 6,
+        seeds: 6,
         samples: 100,
         bias: 0.01,
     }

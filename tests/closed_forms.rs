@@ -123,7 +123,7 @@ fn a_furnace_of_lossless_solids_by_path_tracing() {
                     along_z(z, 30.0, "path", samples),
                     ball(material)
                 );
-                let found = Estimate::of(32, &text, &[]);
+                let found = Estimate::of(24, &text, &[]);
                 let what = format!("{name}, {kind}, {place}");
                 checks.agree(&what, &found, &Estimate::exact([expected; 3]), 0.008, 0.0);
             }

@@ -240,7 +240,7 @@ fn a_grid_of_one_number_is_a_homogeneous_medium() {
         let set = [&["render.samples=8", "photons.volume=30_000"], set].concat();
         let [plain, voxels] = ["", grid].map(|density| {
             let text = block(density);
-            grey(&images(8, &if refracts { glass(text) } else { text }, &set))
+            grey(&images(5, &if refracts { glass(text) } else { text }, &set))
         });
         checks.agree(name, &voxels, &plain, 0.01, 0.0);
     }

@@ -68,7 +68,7 @@ pub fn grey(images: &[Image]) -> Estimate {
 #[test]
 fn marchers_agree_with_path_tracing() {
     let mut checks = Checks::default();
-    let path = grey(&images(16, &block(""), &["render.method=path", "render.samples=200"]));
+    let path = grey(&images(16, &block(""), &["render.method=path", "render.samples=60"]));
     for (i, step) in STEPS.into_iter().enumerate() {
         for (j, kernel) in ["fixed", "knn"].into_iter().enumerate() {
             let profile = ["constant", "epanechnikov", "biweight"][(i + j) % 3];
@@ -80,7 +80,7 @@ fn marchers_agree_with_path_tracing() {
                 "volume.march.size=0.1".to_string(),
             ];
             let set: Vec<&str> = set.iter().map(String::as_str).collect();
-            let found = grey(&images(5, &block(""), &set));
+            let found = grey(&images(4, &block(""), &set));
             checks.agree(&format!("{step}, {kernel}, {profile}"), &found, &path, 0.0045, BIAS);
         }
     }

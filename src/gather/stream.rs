@@ -8,7 +8,7 @@ use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, Sum};
 use crate::math::DVec3;
 use crate::photon::discs::PhotonMap;
 use crate::photon::simd::{LANES, Lanes, Task, prefetch};
-use crate::photon::store::blocks_of;
+use crate::photon::store::{Subtrees, blocks_of};
 
 /// Rays that go together: their sums and frames stay in the second cache.
 const BATCH: usize = 8192;

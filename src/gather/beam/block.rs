@@ -1,7 +1,7 @@
 //! What the photons of one block contribute to a ray.
 
 use super::frame::RayLanes;
-use super::leaning::{Leaning, beside_wall};
+use super::leaning::{Leaning, beside_wall_across};
 use super::transmittance::{Pruning, Transmit};
 use crate::gather::phase::Evaluate;
 use crate::photon::discs::PhotonMap;
@@ -86,7 +86,7 @@ pub(in crate::gather) fn add_block<L: Lanes>(
     // Walls: the kernel by the share of it that they leave; nothing from beyond them.
     for wall in map.walls(index) {
         let (share, near) = match &leaning {
-            None => beside_wall(map.profile, wall, ray, a, b, inverse_square),
+            None => beside_wall_across(map.profile, wall, ray, a, b, inverse_square),
             Some(disc) => disc.beside_wall(map.profile, wall, ray, a, b, inverse_square),
         };
         factor = factor.div(share);

@@ -24,7 +24,7 @@ fn in_frame<L: Lanes>(wall: &WallLayer, ray: &RayLanes<L>, a: L, b: L) -> ([L; 3
 /// The share of each disc on the photon's side of its wall, and whether the foot point is there too.
 /// `a` and `b` are the photon's coordinates across the ray: the foot point is x − a u − b v.
 #[inline(always)]
-pub(super) fn beside_wall<L: Lanes>(
+pub(super) fn beside_wall_across<L: Lanes>(
     profile: Profile,
     wall: &WallLayer,
     ray: &RayLanes<L>,
@@ -85,7 +85,7 @@ impl<L: Lanes> Leaning<L> {
     }
 
     /// The share of each disc on the photon's side of a wall, and whether the point where the ray meets the disc is there too.
-    /// `a` and `b` are the photon's coordinates across the ray. The disc's plane is not across the ray, as in [`beside_wall`].
+    /// `a` and `b` are the photon's coordinates across the ray. The disc's plane is not across the ray, as in [`beside_wall_across`].
     #[inline(always)]
     pub(super) fn beside_wall(
         &self,

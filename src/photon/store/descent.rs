@@ -12,18 +12,20 @@ pub(crate) trait Subtrees {
     fn children(&self) -> &[u32; LANES];
 
     /// Which children are blocks.
-    fn leaves(&self) -> u16;
+    #[inline(always)]
+    fn leaves(&self) -> u16 {
+        let mut bits = 0;
+        for (lane, child) in self.children().iter().enumerate() {
+            bits |= ((child >> 31) as u16) << lane;
+        }
+        bits
+    }
 }
 
 impl Subtrees for Node {
     #[inline(always)]
     fn children(&self) -> &[u32; LANES] {
         &self.children
-    }
-
-    #[inline(always)]
-    fn leaves(&self) -> u16 {
-        Node::leaves(self)
     }
 }
 

@@ -41,16 +41,6 @@ impl Node {
         max: [Row([f32::INFINITY; LANES]); 3],
         children: [0; LANES],
     };
-
-    /// Which children are blocks.
-    #[inline(always)]
-    pub(crate) fn leaves(&self) -> u16 {
-        let mut bits = 0;
-        for (lane, child) in self.children.iter().enumerate() {
-            bits |= ((child >> 31) as u16) << lane;
-        }
-        bits
-    }
 }
 
 /// What encloses a subtree.
