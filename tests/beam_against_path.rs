@@ -153,7 +153,7 @@ irradiance = 3
 angle = 8
 "#,
         photons: 20_000,
-        seeds: 6,
+        seeds: 4,
         samples: 100,
         bias: 0.01,
     }

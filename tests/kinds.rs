@@ -100,7 +100,7 @@ fn photons_leave_flames() {
     let mut checks = Checks::default();
     let camera = "[camera]\nposition = [1.5, 1.3, 5]\ntarget = [0, 1.3, 0]\nfov = 36\n";
     let text = format!("{FILM}{camera}{}", FIRE.replace("[media.fire]", "[media.fire]\nsigma_t = 6\nalbedo = 0.95"));
-    let path = images(16, &text, &["render.method=path", "render.samples=200"]);
+    let path = images(16, &text, &["render.method=path", "render.samples=100"]);
     let photon = images(5, &text, &["render.method=photon", "render.samples=25", "photons.volume=200_000"]);
     let grey = |images: &[Image]| Estimate::over(images, |image| [image.mean(); 3]);
     checks.agree("flames", &grey(&photon), &grey(&path), 0.01, 0.01);
