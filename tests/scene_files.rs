@@ -9,7 +9,7 @@ use volpm::medium::density::bricks::{Interpolation, NegativePolicy};
 use volpm::medium::density::{Exponential, Noise};
 use volpm::medium::phase::{HenyeyGreenstein, Isotropic, Mixture, Rayleigh, Schlick, mie};
 use volpm::scene::description::*;
-use volpm::surface::{self, Dielectric, Lambert, Mirror};
+use volpm::surface::{self, Dielectric, Lambert, Mirror, Reflector};
 use volpm::{Error, scene};
 
 /// Every table, with a value for every key that is supported.
@@ -242,11 +242,11 @@ fn every_key_is_read_as_the_manual_says() {
 
     let kinds: Vec<_> = scene.materials.iter().map(|material| (material.name.as_str(), material.kind)).collect();
     let expected = [
-        ("white", Lambert { reflectance: Rgb::splat(0.75) }.into()),
+        ("white", Reflector::Lambert(Lambert { reflectance: Rgb::splat(0.75) }).into()),
         ("chrome", Mirror { reflectance: Rgb::new(0.9, 0.8, 0.7) }.into()),
         ("my glass", Dielectric { index: Rgb::new(1.5, 1.504, 1.513), roughness: 0.25 }.into()),
         ("none", surface::Material::None),
-        ("black", Lambert { reflectance: Rgb::ZERO }.into()),
+        ("black", Reflector::Lambert(Lambert { reflectance: Rgb::ZERO }).into()),
     ];
     assert_eq!(kinds, expected);
 

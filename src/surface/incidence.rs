@@ -1,4 +1,4 @@
-use crate::math::DVec3;
+use crate::math::{DVec3, Frame};
 
 /// Whether a walk carries the power of photons or the importance of an eye.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,12 +18,23 @@ pub struct Incidence {
     pub normal: DVec3,
     /// The unit shading normal on the side of arrival.
     pub shading_normal: DVec3,
+    /// The direction along which the surface's u grows, of any length; 0 where no one asks for it.
+    pub tangent: DVec3,
 }
 
 impl Incidence {
     /// Travel straight against both normals.
     pub fn head_on() -> Self {
-        Incidence { direction: -DVec3::Z, normal: DVec3::Z, shading_normal: DVec3::Z }
+        Incidence { direction: -DVec3::Z, normal: DVec3::Z, shading_normal: DVec3::Z, tangent: DVec3::ZERO }
+    }
+
+    /// Coordinates whose z is the shading normal, with x along the tangent where there is one.
+    pub fn frame(&self) -> Frame {
+        let z = self.shading_normal;
+        match (self.tangent - self.tangent.dot(z) * z).try_normalize() {
+            Some(x) => Frame { x, y: z.cross(x), z },
+            None => Frame::around(z),
+        }
     }
 
     /// By what a shading normal changes the power that leaves along `direction`: |i·s| |o·g| / (|i·g| |o·s|) for photons that

@@ -1,4 +1,4 @@
-use super::{Bsdf, Drawn, Incidence, Material, Scattering};
+use super::{Drawn, Incidence, Scattering};
 use crate::math::{DVec3, Frame, Rgb, Stream, sampling};
 use std::f64::consts::PI;
 
@@ -7,12 +7,6 @@ use std::f64::consts::PI;
 pub struct Lambert {
     /// ρ, the share of light that is reflected, by channel in \[0, 1\].
     pub reflectance: Rgb,
-}
-
-impl From<Lambert> for Material {
-    fn from(material: Lambert) -> Material {
-        Material::Opaque(Bsdf::Lambert(material))
-    }
 }
 
 impl Lambert {

@@ -1,4 +1,4 @@
-use super::{Bsdf, Drawn, Incidence, Material};
+use super::{Drawn, Incidence};
 use crate::math::{DVec3, Rgb};
 
 /// Reflects specularly, on both sides.
@@ -6,12 +6,6 @@ use crate::math::{DVec3, Rgb};
 pub struct Mirror {
     /// The share of light that is reflected, by channel in \[0, 1\].
     pub reflectance: Rgb,
-}
-
-impl From<Mirror> for Material {
-    fn from(material: Mirror) -> Material {
-        Material::Opaque(Bsdf::Mirror(material))
-    }
 }
 
 impl Mirror {

@@ -8,25 +8,40 @@
 //! A new opaque material is one file, with its parameters, `value` and `sample`, and its lines where kinds are listed: in
 //! [`Bsdf`], and among the readers of scene files in `scene/read/materials.rs`.
 
+mod coated;
+mod conductor;
 mod dielectric;
 mod fresnel;
+mod ggx;
 mod incidence;
 mod lambert;
 mod mirror;
+mod mix;
 mod nature;
 mod oren_nayar;
+mod phong;
+mod reflector;
 mod rough;
+mod schlick;
 mod smooth;
+mod thin;
 
+pub use coated::Coated;
+pub use conductor::{Conductor, Fresnel};
 pub use dielectric::{Dielectric, Lobe};
 pub use fresnel::{fresnel, reflectance};
 pub use incidence::{Incidence, Side};
 pub use lambert::Lambert;
 pub use mirror::Mirror;
+pub use mix::Mix;
 pub use nature::{Boundary, Drawn, Nature, Onward, Scattering, Straight};
 pub use oren_nayar::OrenNayar;
+pub use phong::Phong;
+pub use reflector::Reflector;
 pub use rough::Rough;
+pub use schlick::Schlick;
 pub use smooth::Smooth;
+pub use thin::Thin;
 
 use crate::math::{DVec3, Rgb, Stream};
 
@@ -38,7 +53,7 @@ pub enum Material {
     Dielectric(Dielectric),
     /// No surface, but an index-matched boundary: light passes, only the medium changes.
     None,
-    /// Reflects, and lets nothing pass.
+    /// Reflects, and lets no light pass that is asked for.
     // Serialised as scene files say it: `lambert`, not `opaque.lambert`. Serde wants such a variant last.
     #[serde(untagged)]
     Opaque(Bsdf),
@@ -46,9 +61,10 @@ pub enum Material {
 
 impl Material {
     /// An opaque surface that reflects nothing.
-    pub const BLACK: Material = Material::Opaque(Bsdf::Lambert(Lambert { reflectance: Rgb::ZERO }));
+    pub const BLACK: Material =
+        Material::Opaque(Bsdf::Reflector(Reflector::Lambert(Lambert { reflectance: Rgb::ZERO })));
 
-    /// Whether light never passes through.
+    /// Whether no light passes through that is asked for.
     pub fn is_opaque(&self) -> bool {
         matches!(self, Material::Opaque(_))
     }
@@ -70,39 +86,64 @@ impl Material {
     }
 }
 
+impl From<Bsdf> for Material {
+    fn from(bsdf: Bsdf) -> Material {
+        Material::Opaque(bsdf)
+    }
+}
+
+impl From<Reflector> for Bsdf {
+    fn from(reflector: Reflector) -> Bsdf {
+        Bsdf::Reflector(reflector)
+    }
+}
+
+impl From<Reflector> for Material {
+    fn from(reflector: Reflector) -> Material {
+        Material::Opaque(reflector.into())
+    }
+}
+
 /// How a surface scatters light (its bidirectional scattering distribution function), where light meets it.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Bsdf {
-    /// Diffuse reflection, equal in all directions.
-    Lambert(Lambert),
-    /// Diffuse reflection by a rough surface.
-    OrenNayar(OrenNayar),
-    /// Specular reflection.
-    Mirror(Mirror),
+    /// A coat over a reflector.
+    Coated(Coated),
+    /// Two reflectors side by side.
+    Mix(Mix),
+    /// A sheet that reflects specularly and lets the rest pass straight on.
+    #[serde(rename = "thin_dielectric")]
+    Thin(Thin),
     /// A smooth boundary between two indices of refraction, where light meets a [`Dielectric`].
     Smooth(Smooth),
     /// A rough boundary between two indices of refraction, where light meets a [`Dielectric`].
     Rough(Rough),
+    /// What reflects, and no more.
+    #[serde(untagged)]
+    Reflector(Reflector),
 }
 
 impl Bsdf {
-    /// How it spreads light over directions.
+    /// How it spreads light over directions: of kinds that do it in several ways, the most diffuse one.
     pub fn nature(&self) -> Nature {
         match self {
-            Bsdf::Lambert(_) | Bsdf::OrenNayar(_) => Nature::Diffuse,
+            Bsdf::Reflector(reflector) => reflector.nature(),
+            Bsdf::Coated(coated) => coated.nature(),
+            Bsdf::Mix(mix) => mix.nature(),
             Bsdf::Rough(_) => Nature::Glossy,
-            Bsdf::Mirror(_) | Bsdf::Smooth(_) => Nature::Specular,
+            Bsdf::Smooth(_) | Bsdf::Thin(_) => Nature::Specular,
         }
     }
 
-    /// The share of light that is not absorbed, of all that arrives as `at` says.
+    /// The share of light that is not absorbed, of all that arrives as `at` says. Where facets, lobes or coats reflect, it is that of a
+    /// plane with the same colours.
     pub fn albedo(&self, at: &Incidence) -> Rgb {
         match self {
-            Bsdf::Lambert(lambert) => lambert.reflectance,
-            Bsdf::OrenNayar(oren_nayar) => oren_nayar.albedo(at),
-            Bsdf::Mirror(mirror) => mirror.reflectance,
-            Bsdf::Smooth(_) | Bsdf::Rough(_) => Rgb::ONE,
+            Bsdf::Reflector(reflector) => reflector.albedo(at),
+            Bsdf::Coated(coated) => coated.albedo(at),
+            Bsdf::Mix(mix) => mix.albedo(at),
+            Bsdf::Smooth(_) | Bsdf::Rough(_) | Bsdf::Thin(_) => Rgb::ONE,
         }
     }
 
@@ -110,7 +151,7 @@ impl Bsdf {
     /// and what that sends. One part for most kinds; rough boundaries follow light from facet to facet, and each of these
     /// is one. On average, weights times values add up to all that goes there. Light from that direction may be
     /// asked for while it might also be found by chance, each share weighted by its part's density. Where a path follows
-    /// both lobes of a boundary, `both` says so, and densities are those of each lobe alone. Nothing is told of specular kinds.
+    /// both lobes of a boundary, `both` says so, and densities are those of each lobe alone. Nothing is told of what is specular.
     #[allow(clippy::too_many_arguments, reason = "one question, asked in one place")]
     pub fn toward(
         &self,
@@ -122,16 +163,24 @@ impl Bsdf {
         stream: &mut Stream,
         mut part: impl FnMut(Rgb, Scattering),
     ) {
-        let mut reflects = |sent: Scattering| {
-            if sent.ahead.x > 0.0 && o.dot(at.normal) > 0.0 {
-                part(weight, Scattering { value: sent.value * at.adjoint(side, at.shading_normal, o), ..sent });
+        if let Bsdf::Rough(rough) = self {
+            return rough.toward(at, o, side, both, weight, stream, part);
+        }
+        // A shading normal may lead below the surface.
+        if o.dot(at.normal) <= 0.0 {
+            return;
+        }
+        let adjoint = at.adjoint(side, at.shading_normal, o);
+        let reflects = |weight: Rgb, sent: Scattering| {
+            if sent.ahead.x > 0.0 {
+                part(weight, Scattering { value: sent.value * adjoint, ..sent });
             }
         };
         match self {
-            Bsdf::Lambert(lambert) => reflects(lambert.value(at, o)),
-            Bsdf::OrenNayar(oren_nayar) => reflects(oren_nayar.value(at, o)),
-            Bsdf::Rough(rough) => rough.toward(at, o, side, both, weight, stream, part),
-            Bsdf::Mirror(_) | Bsdf::Smooth(_) => {}
+            Bsdf::Reflector(reflector) => reflector.toward(at, o, weight, stream, reflects),
+            Bsdf::Coated(coated) => coated.toward(at, o, weight, stream, reflects),
+            Bsdf::Mix(mix) => mix.toward(at, o, weight, stream, reflects),
+            Bsdf::Smooth(_) | Bsdf::Rough(_) | Bsdf::Thin(_) => {}
         }
     }
 
@@ -148,19 +197,28 @@ impl Bsdf {
         survives: impl FnOnce(&mut Rgb, Rgb, &mut Stream) -> bool,
     ) -> Option<Onward> {
         let drawn = match self {
-            Bsdf::Lambert(lambert) => lambert.sample(at, stream),
-            Bsdf::OrenNayar(oren_nayar) => oren_nayar.sample(at, stream),
-            Bsdf::Mirror(mirror) => mirror.sample(at),
+            Bsdf::Reflector(reflector) => reflector.sample(at, stream),
+            Bsdf::Coated(coated) => coated.sample(at, stream),
+            Bsdf::Mix(mix) => mix.sample(at, stream),
+            Bsdf::Thin(thin) => return thin.onward(at, side, weight, stream),
             Bsdf::Smooth(smooth) => return smooth.onward(at, side, lobe, weight, stream),
             Bsdf::Rough(rough) => return rough.onward(at, side, lobe, weight, stream),
         };
-        let Drawn { direction, normal, factor, density } = drawn;
+        let Drawn { direction, normal, factor, density } = drawn?;
         // A shading normal may lead below the surface.
-        if density > 0.0 && direction.dot(at.normal) <= 0.0 {
+        if direction.dot(at.normal) <= 0.0 {
             return None;
         }
         let factor = factor * at.adjoint(side, normal, direction);
         survives(weight, factor, stream).then_some(Onward { direction, density })
+    }
+
+    /// This, in surroundings with another index of refraction than 1.
+    pub(crate) fn surrounded_by(self, index: impl FnOnce() -> Rgb) -> Bsdf {
+        match self {
+            Bsdf::Coated(coated) => Bsdf::Coated(Coated { outside: index().x, ..coated }),
+            other => other,
+        }
     }
 
     /// The boundary between two indices of refraction that it is, if it is one: light takes two ways there.

@@ -2,7 +2,7 @@ use crate::math::{DVec3, Rgb};
 
 /// How a surface or a medium spreads light over directions: decides what is asked for, stored and split there, so that
 /// no one need ask for a material by its name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Nature {
     /// Over so many that light can be asked for there, and photons be stored to be looked up.
     Diffuse,

@@ -1,5 +1,5 @@
 use super::lambert::{cosine, cosine_density};
-use super::{Bsdf, Drawn, Incidence, Material, Scattering};
+use super::{Drawn, Incidence, Scattering};
 use crate::math::{DVec3, Rgb, Stream};
 use std::f64::consts::PI;
 
@@ -16,12 +16,6 @@ pub struct OrenNayar {
     pub reflectance: Rgb,
     /// σ in radians, in \[0, π/2\]; 0 is Lambert's surface.
     pub sigma: f64,
-}
-
-impl From<OrenNayar> for Material {
-    fn from(material: OrenNayar) -> Material {
-        Material::Opaque(Bsdf::OrenNayar(material))
-    }
 }
 
 impl OrenNayar {

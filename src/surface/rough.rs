@@ -1,5 +1,4 @@
-use std::f64::consts::{PI, TAU};
-
+use super::ggx::Ggx;
 use super::mirror::reflect;
 use super::{Dielectric, Incidence, Lobe, Onward, Scattering, Side, reflectance};
 use crate::math::{DVec3, Frame, Rgb, Stream};
@@ -30,8 +29,8 @@ const NOTHING: Scattering = Scattering { value: Rgb::ZERO, ahead: Rgb::ZERO };
 
 /// Light on its way between facets, in coordinates whose z points away from the surface on the side where it is.
 #[derive(Clone, Copy)]
-struct Visit {
-    travel: DVec3,
+pub(super) struct Visit {
+    pub travel: DVec3,
     from: Rgb,
     to: Rgb,
     /// Whether that is the other side than that of arrival.
@@ -40,13 +39,13 @@ struct Visit {
 
 impl Visit {
     /// Turns directions from the side of arrival into those coordinates, and back.
-    fn turned(&self, direction: DVec3) -> DVec3 {
+    pub fn turned(&self, direction: DVec3) -> DVec3 {
         if self.beyond { DVec3::new(direction.x, direction.y, -direction.z) } else { direction }
     }
 }
 
 /// Facets that light meets in one visit, at most; 1 in 10⁶ meets more than thirty.
-const MOST_FACETS: u32 = 1000;
+pub(super) const MOST_FACETS: u32 = 1000;
 
 /// Closer indices than this do not bend light: there is no density.
 const MATCHED: f64 = 1e-9;
@@ -146,14 +145,20 @@ impl Rough {
         }
     }
 
-    fn arrive(&self, travel: DVec3) -> Visit {
+    pub(super) fn arrive(&self, travel: DVec3) -> Visit {
         Visit { travel, from: self.from, to: self.to, beyond: false }
     }
 
     /// Meets a facet. Returns whether light leaves then, for neither side where `None`.
-    fn meet(&self, visit: &mut Visit, lobe: Option<Lobe>, weight: &mut Rgb, stream: &mut Stream) -> Option<bool> {
+    pub(super) fn meet(
+        &self,
+        visit: &mut Visit,
+        lobe: Option<Lobe>,
+        weight: &mut Rgb,
+        stream: &mut Stream,
+    ) -> Option<bool> {
         let Visit { travel, from, to, beyond } = visit;
-        let facet = self.visible(-*travel, stream.uniform2());
+        let facet = self.normals().visible(-*travel, stream.uniform2());
         let cos = -travel.dot(facet);
         if Lobe::take(lobe, reflectance(cos, *from, *to), weight, stream) == Lobe::Reflected {
             *travel = reflect(*travel, facet);
@@ -164,24 +169,24 @@ impl Rough {
             *beyond = !*beyond;
             std::mem::swap(from, to);
         }
-        Some(travel.z > 0.0 && stream.uniform() < self.unmasked(travel.z))
+        Some(travel.z > 0.0 && stream.uniform() < self.normals().unmasked(*travel))
     }
 
     /// What the next facet sends along `leaving`, which is seen from the side of arrival (Walter et al. 2007, Eqs. 17, 20
     /// and 21). `both`: both lobes are followed. Densities are those of light in which the channels have equal shares:
     /// whoever asks for light and whoever meets it must find the same, whatever weights they bring.
-    fn sends(&self, visit: &Visit, leaving: DVec3, both: bool) -> Scattering {
+    pub(super) fn sends(&self, visit: &Visit, leaving: DVec3, both: bool) -> Scattering {
         let Visit { from, to, .. } = *visit;
         let (i, o) = (-visit.travel, visit.turned(leaving));
         if o.z == 0.0 {
             return NOTHING;
         }
-        let passes = self.unmasked(o.z);
+        let passes = self.normals().unmasked(o);
         // Reflected about the half vector.
         if o.z > 0.0 {
             let Some(half) = (i + o).try_normalize() else { return NOTHING };
             let cos = i.dot(half);
-            let density = passes * self.visible_density(i, half) / (4.0 * cos);
+            let density = passes * self.normals().visible_density(i, half) / (4.0 * cos);
             if cos <= 0.0 || density <= 0.0 || !density.is_finite() {
                 return NOTHING;
             }
@@ -204,7 +209,7 @@ impl Rough {
                 continue;
             }
             let bend = to * to * cos_beyond.abs() / (from * cos + to * cos_beyond).powi(2);
-            let density = passes * self.visible_density(i, half) * bend;
+            let density = passes * self.normals().visible_density(i, half) * bend;
             if density <= 0.0 || !density.is_finite() {
                 continue;
             }
@@ -222,45 +227,9 @@ impl Rough {
         sent
     }
 
-    /// G₁ for a direction with this cosine to the normal.
-    fn unmasked(&self, cos: f64) -> f64 {
-        let tan2 = (1.0 - cos * cos).max(0.0) / (cos * cos);
-        2.0 / (1.0 + (1.0 + self.alpha * self.alpha * tan2).sqrt())
-    }
-
-    /// The density of the normals of facets as seen from `v`, above the surface or below it: D (v·m)/σ(v), where
-    /// σ(v) = (z + √(z² + α² sin²θ_v))/2 is the area of all facets as seen from there: z/G₁ from above.
-    fn visible_density(&self, v: DVec3, m: DVec3) -> f64 {
-        if m.z <= 0.0 {
-            return 0.0;
-        }
-        let a2 = self.alpha * self.alpha;
-        let across = a2 * (v.x * v.x + v.y * v.y);
-        let root = v.z.abs() + (v.z * v.z + across).sqrt();
-        // Without cancellation from below.
-        let area = 0.5 * if v.z >= 0.0 { root } else { across / root };
-        if area <= 0.0 {
-            return 0.0;
-        }
-        // (α² − 1) cos² + 1 = α² cos² + sin², without cancellation for small α.
-        let spread = a2 * m.z * m.z + (m.x * m.x + m.y * m.y);
-        a2 / (PI * spread * spread) * v.dot(m).max(0.0) / area
-    }
-
-    /// Draws the normal of a facet as seen from `v`, above the surface or below it (Heitz 2018, whose half disc
-    /// and half ellipse become a crescent for directions from below).
-    fn visible(&self, v: DVec3, [u1, u2]: [f64; 2]) -> DVec3 {
-        let stretched = DVec3::new(self.alpha * v.x, self.alpha * v.y, v.z).normalize();
-        let across = stretched.x * stretched.x + stretched.y * stretched.y;
-        let t1 = if across > 0.0 { DVec3::new(-stretched.y, stretched.x, 0.0) / across.sqrt() } else { DVec3::X };
-        let t2 = stretched.cross(t1);
-        let (sin, cos) = (TAU * u2).sin_cos();
-        let (p1, full) = (u1.sqrt() * cos, u1.sqrt() * sin);
-        let s = 0.5 * (1.0 + stretched.z);
-        let p2 = (1.0 - s) * (1.0 - p1 * p1).max(0.0).sqrt() + s * full;
-        let p3 = (1.0 - p1 * p1 - p2 * p2).max(0.0).sqrt();
-        let normal = p1 * t1 + p2 * t2 + p3 * stretched;
-        DVec3::new(self.alpha * normal.x, self.alpha * normal.y, normal.z.max(1e-9)).normalize()
+    #[inline]
+    fn normals(&self) -> Ggx {
+        Ggx::round(self.alpha)
     }
 }
 
@@ -268,6 +237,7 @@ impl Rough {
 mod tests {
     use super::*;
     use crate::math::random::Purpose;
+    use std::f64::consts::{PI, TAU};
 
     fn random(index: u64) -> Stream {
         Stream::new(23, Purpose::Test, index, 0)

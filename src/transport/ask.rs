@@ -127,7 +127,7 @@ fn density_of_crossing(scene: &Scene, crossing: &Crossing<'_>, from: DVec3) -> f
 mod tests {
     use super::*;
     use crate::scene;
-    use crate::surface::{Bsdf, Incidence, Lambert, Side};
+    use crate::surface::{Bsdf, Incidence, Lambert, Reflector, Side};
     use crate::transport::tests::{interaction, random};
     use crate::transport::{Interaction, Segment, Stop, Vertex, Visitor, Walk};
     use std::convert::Infallible;
@@ -180,7 +180,7 @@ intensity = 0.7
         const N: usize = 200_000;
         let (scene, _) = scene::from_text(LAMPS);
         let point = -scene.center;
-        let white = Bsdf::Lambert(Lambert { reflectance: Rgb::ONE });
+        let white = Bsdf::from(Reflector::Lambert(Lambert { reflectance: Rgb::ONE }));
         let at = Interaction { point, ..interaction(white, Incidence::head_on()) };
         let (center, radius) = (DVec3::new(0.0, 1.0, 2.0), 0.8f64);
         let seen = (radius / center.length()).powi(2) * center.normalize().z;

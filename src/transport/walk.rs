@@ -166,7 +166,7 @@ impl<'s> Walk<'s> {
         let mut boundary = None;
         for hit in self.cluster.hits() {
             match self.scene.surfaces[hit.id as usize].material {
-                Material::Opaque(bsdf) => return Some((*hit, bsdf)),
+                Material::Opaque(bsdf) => return Some((*hit, bsdf.surrounded_by(|| self.scene.index(&self.inside)))),
                 Material::Dielectric(dielectric) if boundary.is_none() => boundary = Some((*hit, dielectric.roughness)),
                 Material::Dielectric(_) | Material::None => {}
             }
@@ -186,7 +186,7 @@ impl<'s> Walk<'s> {
         }
         Interaction {
             point: self.ray.at(hit.t),
-            incidence: Incidence { direction, normal: facing * hit.normal, shading_normal },
+            incidence: Incidence { direction, normal: facing * hit.normal, shading_normal, tangent: DVec3::ZERO },
             t: hit.t,
             bsdf,
             offset: 4.0 * error_bound(&self.ray, hit.t),

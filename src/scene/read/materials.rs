@@ -3,7 +3,7 @@
 use crate::math::Rgb;
 use crate::scene::description::Material;
 use crate::scene::table::{Item, Read, Table};
-use crate::surface::{self, Dielectric, Lambert, Mirror, OrenNayar};
+use crate::surface::{self, Dielectric, Lambert, Mirror, OrenNayar, Reflector};
 
 /// What shapes without a `material` are made of where they have an interior; a scene need not define it.
 pub(super) const NONE: &str = "none";
@@ -33,18 +33,18 @@ pub(super) fn material(name: &str, item: &Item) -> Read<Material> {
 
 fn lambert(table: &Table) -> Read<surface::Material> {
     let reflectance = table.get_or("reflectance", Rgb::splat(0.5), reflectance);
-    Ok(Lambert { reflectance: reflectance? }.into())
+    Ok(Reflector::Lambert(Lambert { reflectance: reflectance? }).into())
 }
 
 fn oren_nayar(table: &Table) -> Read<surface::Material> {
     let reflectance = table.get_or("reflectance", Rgb::splat(0.5), reflectance);
     let sigma = table.get_or("sigma", 0.3, |item| item.slope());
-    Ok(OrenNayar { reflectance: reflectance?, sigma: sigma? }.into())
+    Ok(Reflector::OrenNayar(OrenNayar { reflectance: reflectance?, sigma: sigma? }).into())
 }
 
 fn mirror(table: &Table) -> Read<surface::Material> {
     let reflectance = table.get_or("reflectance", Rgb::ONE, reflectance);
-    Ok(Mirror { reflectance: reflectance? }.into())
+    Ok(Reflector::Mirror(Mirror { reflectance: reflectance? }).into())
 }
 
 fn dielectric(table: &Table) -> Read<surface::Material> {
