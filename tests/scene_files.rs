@@ -243,7 +243,7 @@ fn every_key_is_read_as_the_manual_says() {
     let kinds: Vec<_> = scene.materials.iter().map(|material| (material.name.as_str(), material.kind)).collect();
     let expected = [
         ("white", Reflector::Lambert(Lambert { reflectance: Rgb::splat(0.75) }).into()),
-        ("chrome", Mirror { reflectance: Rgb::new(0.9, 0.8, 0.7) }.into()),
+        ("chrome", Reflector::Mirror(Mirror { reflectance: Rgb::new(0.9, 0.8, 0.7) }).into()),
         ("my glass", Dielectric { index: Rgb::new(1.5, 1.504, 1.513), roughness: 0.25 }.into()),
         ("none", surface::Material::None),
         ("black", Reflector::Lambert(Lambert { reflectance: Rgb::ZERO }).into()),

@@ -314,21 +314,25 @@ fn draws_follow(case: &Case, index: usize, side: Side, failed: &mut Vec<String>)
         }
 
         // Each quantity in each cell: by draws, and by integration.
-        let (mut chi2, mut degrees, mut total) = (0.0, 0.0f64, [Rgb::ZERO; 2]);
+        let (mut chi2, mut degrees, mut total, mut unsure) = (0.0, 0.0f64, [Rgb::ZERO; 2], Rgb::ZERO);
         let mut rest = [[0.0; 4]; 2];
         for (cell, drawn) in &cells {
             let area = cell.solid_angle() / count;
             let mut integrals = [[0.0; 2]; 2];
+            let (mut sent, mut sent_squares) = (Rgb::ZERO, Rgb::ZERO);
             for k in 0..strata * strata {
                 let jitter = stream.uniform2();
                 let place = [(k / strata) as f64 + jitter[0], (k % strata) as f64 + jitter[1]];
                 let o = cell.direction(place.map(|x| x / strata as f64));
                 let (value, Scattering { ahead: density, .. }) = toward(at, o, side, &mut stream);
-                total[1] += value * area;
+                sent += value * area;
+                sent_squares += value * value * (area * area);
                 for (sum, x) in integrals.iter_mut().zip([value.y, density.y]) {
                     *sum = [sum[0] + x * area, sum[1] + (x * area).powi(2)];
                 }
             }
+            total[1] += sent;
+            unsure += (sent_squares - sent * sent / count).max(Rgb::ZERO);
             let n = N as f64;
             total[0] += drawn.iter().map(|(_, weight)| *weight).sum::<Rgb>() / n;
             let weights = drawn.iter().map(|(_, weight)| weight.y);
@@ -365,9 +369,8 @@ fn draws_follow(case: &Case, index: usize, side: Side, failed: &mut Vec<String>)
         }
 
         // All of them.
-        let off = (total[0] - total[1]).abs().max_element();
-        let most = if case.exact { 0.03 } else { 0.05 };
-        if off > most * total[0].max_element().max(1.0) {
+        let off = (total[0] - total[1]).abs() - 4.0 * unsure.map(f64::sqrt);
+        if off.max_element() > 0.03 * total[0].max_element().max(1.0) {
             failed.push(format!("{}: {} drawn, {} sent", case.name, total[0], total[1]));
         }
     });
