@@ -10,6 +10,7 @@ mod compare;
 mod determinism;
 mod figures;
 mod kinds;
+mod materials;
 mod passes;
 mod point_queries;
 mod references;

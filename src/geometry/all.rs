@@ -161,6 +161,18 @@ impl Geometry {
         }
     }
 
+    /// The point at which a ray hits a shape, in its object space.
+    pub fn object_point(&self, ray: &Ray, hit: &Hit) -> DVec3 {
+        self.placed[hit.id as usize].to_object(ray.at(hit.t))
+    }
+
+    /// ∂p/∂u and ∂p/∂v in object space and in the world, at a point of a shape's surface in object space.
+    pub fn tangents(&self, hit: &Hit, object: DVec3) -> [[DVec3; 2]; 2] {
+        let placed = &self.placed[hit.id as usize];
+        let tangents = placed.tangents(object, hit.primitive);
+        [tangents, tangents.map(|along| placed.vector_to_world(along))]
+    }
+
     /// Whether a shape encloses a volume: spheres, boxes, cylinders with caps, lathes whose ends lie on the
     /// axis or coincide, and meshes as [`Mesh::is_closed`](super::Mesh::is_closed) says.
     pub fn is_closed(&self, id: u32) -> bool {

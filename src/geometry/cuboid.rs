@@ -1,6 +1,16 @@
 use crate::math::{Bounds, DAffine3, DVec3, Ray};
 use crate::{Error, Result};
 
+/// The axes along which u and v grow on each face, and whether they do so forward.
+const ACROSS: [[(usize, bool); 2]; 6] = [
+    [(2, true), (1, true)],
+    [(2, false), (1, true)],
+    [(0, true), (2, true)],
+    [(0, true), (2, false)],
+    [(0, false), (1, true)],
+    [(0, true), (1, true)],
+];
+
 /// A box with faces along the axes; closed. Its primitives are the faces −x, +x, −y, +y, −z, +z.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cuboid {
@@ -57,11 +67,20 @@ impl Cuboid {
         if face.is_multiple_of(2) { -axis } else { axis }
     }
 
-    /// The coordinates across the face, from 0 to 1, in the order of the remaining axes.
+    /// The coordinates across the face, from 0 to 1: to the right and up, as seen from outside with +y up; top and bottom as seen
+    /// with −z and +z up.
     pub(super) fn uv(&self, p: DVec3, face: u32) -> [f64; 2] {
-        let q = ((p - self.bounds.min) / self.bounds.size()).to_array();
-        let axis = (face / 2) as usize;
-        [q[(axis + 1) % 3], q[(axis + 2) % 3]]
+        let q = (p - self.bounds.min) / self.bounds.size();
+        ACROSS[face as usize % 6].map(|(axis, forward)| if forward { q[axis] } else { 1.0 - q[axis] })
+    }
+
+    /// ∂p/∂u and ∂p/∂v: a face's edges.
+    pub(super) fn tangents(&self, face: u32) -> [DVec3; 2] {
+        let size = self.bounds.size();
+        ACROSS[face as usize % 6].map(|(axis, forward)| {
+            let along = DVec3::AXES[axis] * size[axis];
+            if forward { along } else { -along }
+        })
     }
 
     pub(super) fn contains(&self, p: DVec3) -> bool {

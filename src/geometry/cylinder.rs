@@ -1,5 +1,5 @@
 use super::ellipsoid::bounds_about;
-use crate::math::{Bounds, DAffine3, DVec3, Frame, Ray, choose, sampling};
+use crate::math::{Bounds, DAffine3, DVec2, DVec3, Frame, Ray, choose, sampling};
 use crate::{Error, Result};
 use std::f64::consts::{FRAC_1_PI, PI, TAU};
 
@@ -124,6 +124,15 @@ impl Cylinder {
         let q = self.frame.to_local(p - self.base);
         let across = if face == SIDE { q.z / self.height } else { q.x.hypot(q.y) / self.radius };
         [0.5 + q.y.atan2(q.x) * (0.5 * FRAC_1_PI), across]
+    }
+
+    /// ∂p/∂u and ∂p/∂v.
+    pub(super) fn tangents(&self, p: DVec3, face: u32) -> [DVec3; 2] {
+        let q = self.frame.to_local(p - self.base).truncate();
+        let out = q.normalize_or(DVec2::X) * self.radius;
+        let across =
+            if face == SIDE { self.height * self.frame.z } else { out.x * self.frame.x + out.y * self.frame.y };
+        [TAU * (q.x * self.frame.y - q.y * self.frame.x), across]
     }
 
     pub(super) fn contains(&self, p: DVec3) -> bool {

@@ -1,7 +1,7 @@
 use super::ellipsoid::bounds_about;
-use crate::math::{Bounds, DAffine3, DVec3, Frame, Ray, sampling};
+use crate::math::{Bounds, DAffine3, DVec2, DVec3, Frame, Ray, sampling};
 use crate::{Error, Result};
-use std::f64::consts::{FRAC_1_PI, PI};
+use std::f64::consts::{FRAC_1_PI, PI, TAU};
 
 /// A flat disk; open. Out is the side of its normal.
 #[derive(Clone, Copy, Debug)]
@@ -58,6 +58,13 @@ impl Disk {
     pub(super) fn uv(&self, p: DVec3) -> [f64; 2] {
         let q = self.frame.to_local(p - self.center);
         [0.5 + q.y.atan2(q.x) * (0.5 * FRAC_1_PI), q.x.hypot(q.y) / self.radius]
+    }
+
+    /// ∂p/∂u and ∂p/∂v.
+    pub(super) fn tangents(&self, p: DVec3) -> [DVec3; 2] {
+        let q = self.frame.to_local(p - self.center).truncate();
+        let out = q.normalize_or(DVec2::X) * self.radius;
+        [TAU * (q.x * self.frame.y - q.y * self.frame.x), out.x * self.frame.x + out.y * self.frame.y]
     }
 
     pub(super) fn area(&self) -> f64 {

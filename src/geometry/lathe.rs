@@ -214,7 +214,16 @@ impl Lathe {
         let length = self.pieces.last().map_or(1.0, |last| last.along[1]);
         let share = piece.share(half_plane(p));
         let along = piece.along[0] + share * (piece.along[1] - piece.along[0]);
-        [0.5 + p.z.atan2(p.x) * (0.5 * FRAC_1_PI), along / length]
+        [0.5 - p.z.atan2(p.x) * (0.5 * FRAC_1_PI), along / length]
+    }
+
+    /// ∂p/∂u and ∂p/∂v.
+    pub(super) fn tangents(&self, p: DVec3, piece: u32) -> [DVec3; 2] {
+        let length = self.pieces.last().map_or(1.0, |last| last.along[1]);
+        let [a, b] = self.pieces[piece as usize].ends;
+        let up = (b - a).normalize_or(DVec2::Y) * length;
+        let (sin, cos) = turn_of(p);
+        [TAU * DVec3::new(p.z, 0.0, -p.x), DVec3::new(up.x * cos, up.y, up.x * sin)]
     }
 
     /// Whether a way straight out from the axis crosses the profile an odd number of times.

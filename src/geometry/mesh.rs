@@ -324,6 +324,26 @@ impl Mesh {
         (normal, uv)
     }
 
+    /// Whether the file gives texture coordinates.
+    pub(crate) fn has_uvs(&self) -> bool {
+        self.uvs.is_some()
+    }
+
+    /// ∂p/∂u and ∂p/∂v of a triangle; its edges where all of it has one u or one v.
+    pub(super) fn tangents(&self, triangle: u32) -> [DVec3; 2] {
+        let [a, b, c] = self.corners(triangle);
+        let edges = [b - a, c - a];
+        let Some(uvs) = &self.uvs else { return edges };
+        let vertices = self.vertices.get(triangle as usize).copied().unwrap_or_default();
+        let [a, b, c] = vertices.map(|i| uvs[i as usize].as_dvec2());
+        let [s, t] = [b - a, c - a];
+        let determinant = s.perp_dot(t);
+        if determinant == 0.0 {
+            return edges;
+        }
+        [(t.y * edges[0] - s.y * edges[1]) / determinant, (s.x * edges[1] - t.x * edges[0]) / determinant]
+    }
+
     /// The winding number about `p` (how often the surface encloses it), counted along rays in a few
     /// fixed directions that are parallel to nothing: the first ray that meets no edge decides, or the
     /// majority.

@@ -225,6 +225,29 @@ impl Placed {
         Surface { normal, shading_normal: normal, uv }
     }
 
+    /// ∂p/∂u and ∂p/∂v in object space at a point of the surface there.
+    pub(super) fn tangents(&self, p: DVec3, primitive: u32) -> [DVec3; 2] {
+        match &self.shape {
+            Shape::Sphere(s) => s.tangents(p),
+            Shape::Cuboid(c) => c.tangents(primitive),
+            Shape::Quad(q) => q.tangents(),
+            Shape::Disk(d) => d.tangents(p),
+            Shape::Cylinder(c) => c.tangents(p, primitive),
+            Shape::Lathe(l) => l.tangents(p, primitive),
+            Shape::Mesh(m) => m.tangents(primitive),
+        }
+    }
+
+    /// A vector of object space in the world.
+    pub(super) fn vector_to_world(&self, v: DVec3) -> DVec3 {
+        if self.identity { v } else { self.to_world.transform_vector3(v) }
+    }
+
+    /// A point of the world in object space.
+    pub(super) fn to_object(&self, p: DVec3) -> DVec3 {
+        if self.identity { p } else { self.to_local.transform_point3(p) }
+    }
+
     /// With a shading normal in object space, brought to the side of `normal`.
     fn shaded(&self, normal: DVec3, shading: DVec3, uv: [f64; 2]) -> Surface {
         let shading = self.normal_to_world(shading).normalize_or(normal);

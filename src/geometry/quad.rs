@@ -77,6 +77,11 @@ impl Quad {
         [p.dot(self.dual_u).clamp(0.0, 1.0), p.dot(self.dual_v).clamp(0.0, 1.0)]
     }
 
+    /// ∂p/∂u and ∂p/∂v.
+    pub(super) fn tangents(&self) -> [DVec3; 2] {
+        [self.edge_u, self.edge_v]
+    }
+
     pub(super) fn area(&self) -> f64 {
         self.edge_u.cross(self.edge_v).length()
     }

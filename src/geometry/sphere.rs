@@ -1,7 +1,7 @@
 use super::ellipsoid::bounds_about;
 use crate::math::{Bounds, DAffine3, DVec3, Ray, sampling};
 use crate::{Error, Result};
-use std::f64::consts::{FRAC_1_PI, PI};
+use std::f64::consts::{FRAC_1_PI, PI, TAU};
 
 /// A sphere; closed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,10 +62,18 @@ impl Sphere {
         (p - self.center).normalize_or(DVec3::Y)
     }
 
-    /// Longitude about +y and colatitude from +y, as shares of their ranges.
+    /// Longitude about +y, from −z by way of −x, and latitude from −y, as shares of their ranges.
     pub(super) fn uv(&self, p: DVec3) -> [f64; 2] {
         let n = self.normal(p);
-        [0.5 + n.x.atan2(-n.z) * (0.5 * FRAC_1_PI), n.y.clamp(-1.0, 1.0).acos() * FRAC_1_PI]
+        [0.5 + n.x.atan2(n.z) * (0.5 * FRAC_1_PI), 1.0 - n.y.clamp(-1.0, 1.0).acos() * FRAC_1_PI]
+    }
+
+    /// ∂p/∂u and ∂p/∂v.
+    pub(super) fn tangents(&self, p: DVec3) -> [DVec3; 2] {
+        let n = self.normal(p);
+        let across = n.x.hypot(n.z).max(f64::MIN_POSITIVE);
+        let along = DVec3::new(-n.y * n.x / across, across, -n.y * n.z / across);
+        [TAU * self.radius * DVec3::new(n.z, 0.0, -n.x), PI * self.radius * along]
     }
 
     pub(super) fn contains(&self, p: DVec3) -> bool {

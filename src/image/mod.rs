@@ -9,6 +9,7 @@ mod error;
 mod exr;
 mod flip;
 mod hdr;
+mod jpeg;
 mod map;
 mod pfm;
 mod png;
@@ -17,6 +18,8 @@ mod write;
 
 use std::fs;
 use std::path::Path;
+
+use ::image::DynamicImage;
 
 pub use error::{DiffOptions, Figures, NonFinite, Pair, compare};
 pub use flip::{DEFAULT_PIXELS_PER_DEGREE, Flip, flip, hdr_flip};
@@ -264,6 +267,21 @@ pub fn read(path: impl AsRef<Path>) -> Result<Picture> {
     decode(&bytes).map_err(|message| Error::asset(path, message))
 }
 
+/// Reads an image file as a texture, JPEG included: integers by the curve of sRGB, or `linear`, in proportion.
+///
+/// # Errors
+/// [`Error::Asset`] with the path, where the file cannot be read or is no sound image.
+pub fn read_texture(path: impl AsRef<Path>, linear: bool) -> Result<Image> {
+    let path = path.as_ref();
+    let bytes = read_bytes(path)?;
+    let image = match bytes[..] {
+        [0x89, b'P', b'N', b'G', ..] => png::decode(&bytes, linear),
+        [0xff, 0xd8, 0xff, ..] => jpeg::decode(&bytes, linear),
+        _ => decode(&bytes).map(|picture| picture.image),
+    };
+    image.map_err(|message| Error::asset(path, message))
+}
+
 /// The contents of the file `path`, which must be a plain one: a device or a pipe may never end.
 fn read_bytes(path: &Path) -> Result<Vec<u8>> {
     let fail = |error: std::io::Error| Error::asset(path, format!("cannot read the image: {error}"));
@@ -277,12 +295,32 @@ fn read_bytes(path: &Path) -> Result<Vec<u8>> {
 fn decode(bytes: &[u8]) -> Result<Picture, String> {
     match bytes {
         [0x76, 0x2f, 0x31, 0x01, ..] => exr::decode(bytes),
-        [0x89, b'P', b'N', b'G', ..] => png::decode(bytes).map(Picture::from),
+        [0x89, b'P', b'N', b'G', ..] => png::decode(bytes, false).map(Picture::from),
         [b'P', b'F' | b'f', ..] => pfm::decode(bytes).map(Picture::from),
         [b'#', b'?', ..] => hdr::decode(bytes).map(Picture::from),
         [] => Err("the file is empty; an EXR, PNG, PFM or Radiance HDR image is expected".into()),
         _ => Err("not an image: the file does not begin like EXR, PNG, PFM or Radiance HDR".into()),
     }
+}
+
+/// An image of integers, by the curve of sRGB or, `linear`, in proportion.
+fn from_integers(decoded: DynamicImage, linear: bool) -> Image {
+    let value = |share: f64| if linear { share as f32 } else { tone::srgb_to_linear(share) as f32 };
+    let (width, height) = (decoded.width() as usize, decoded.height() as usize);
+    let pixels = match &decoded {
+        DynamicImage::ImageLuma16(_)
+        | DynamicImage::ImageLumaA16(_)
+        | DynamicImage::ImageRgb16(_)
+        | DynamicImage::ImageRgba16(_) => {
+            let value = |integer: u16| value(f64::from(integer) / 65535.0);
+            decoded.into_rgb16().pixels().map(|pixel| pixel.0.map(value)).collect()
+        }
+        _ => {
+            let table: [f32; 256] = std::array::from_fn(|integer| value(integer as f64 / 255.0));
+            decoded.into_rgb8().pixels().map(|pixel| pixel.0.map(|integer| table[usize::from(integer)])).collect()
+        }
+    };
+    Image { width, height, pixels }
 }
 
 /// How many times longer than its file deflated data can be; the wavelet and Huffman codes of EXR stay below.

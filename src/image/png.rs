@@ -5,7 +5,6 @@ use std::io::{self, Cursor, Write};
 use ::image::codecs::png::{PngDecoder, PngEncoder};
 use ::image::{DynamicImage, ExtendedColorType, ImageEncoder, ImageError, Limits};
 
-use super::tone::srgb_to_linear;
 use super::{DEFLATE, Image, ToneSettings, check_size, tone_map};
 
 /// Writes `image`, tone-mapped, in 8-bit sRGB.
@@ -23,8 +22,8 @@ pub(super) fn encode_pixels(pixels: &[[u8; 3]], width: usize, out: &mut impl Wri
         })
 }
 
-/// Reads an image of any colour type and depth, as linear sRGB without its transparency.
-pub(super) fn decode(bytes: &[u8]) -> Result<Image, String> {
+/// Reads an image of any colour type and depth, as linear sRGB without its transparency. `linear`: its numbers already are.
+pub(super) fn decode(bytes: &[u8], linear: bool) -> Result<Image, String> {
     let text = |error: ImageError| format!("not a sound PNG file: {error}");
 
     // The header chunk comes first and has a fixed layout: width, height, depth, colour type.
@@ -45,19 +44,5 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Image, String> {
     limits.max_alloc = Some((bytes.len() as u64).saturating_mul(24 * DEFLATE));
     let decoder = PngDecoder::with_limits(Cursor::new(bytes), limits).map_err(text)?;
     let decoded = DynamicImage::from_decoder(decoder).map_err(text)?;
-    let (width, height) = (decoded.width() as usize, decoded.height() as usize);
-    let pixels = match &decoded {
-        DynamicImage::ImageLuma16(_)
-        | DynamicImage::ImageLumaA16(_)
-        | DynamicImage::ImageRgb16(_)
-        | DynamicImage::ImageRgba16(_) => {
-            let linear = |value: u16| srgb_to_linear(f64::from(value) / 65535.0) as f32;
-            decoded.into_rgb16().pixels().map(|pixel| pixel.0.map(linear)).collect()
-        }
-        _ => {
-            let table: [f32; 256] = std::array::from_fn(|value| srgb_to_linear(value as f64 / 255.0) as f32);
-            decoded.into_rgb8().pixels().map(|pixel| pixel.0.map(|value| table[usize::from(value)])).collect()
-        }
-    };
-    Ok(Image { width, height, pixels })
+    Ok(super::from_integers(decoded, linear))
 }

@@ -2,6 +2,7 @@
 //! along, and everything moved so that the scene's middle is the origin.
 
 mod lights;
+mod paint;
 mod regions;
 
 use std::collections::HashMap;
@@ -12,12 +13,14 @@ use super::description::{self as said, Description, Located, ShapeKind, Strength
 use super::world::{Scene, Solid, Surface};
 use super::{Glow, Settings};
 use crate::geometry::{Cuboid, Cylinder, Disk, Geometry, Lathe, Mesh, Placed, Quad, Shape, Sphere};
+use crate::image::Image;
 use crate::light::{Area, Directivity, Light, Sides, Surroundings};
 use crate::math::{Bounds, DAffine3, DVec3, Rgb};
 use crate::medium::black_body::BlackBody;
 use crate::medium::density::bricks::{BrickGrid, Interpolation, NegativePolicy};
 use crate::medium::density::{Density, Grid, npy, vdb};
 use crate::medium::{Emission, Medium};
+use crate::surface::Paint;
 use crate::{Error, Result};
 
 /// Loads and builds a scene. With it come the settings that its file gives for the picture.
@@ -84,6 +87,10 @@ struct Builder<'d> {
     media: Vec<Medium>,
     carried: HashMap<(usize, Option<usize>), u32>,
     parts: Vec<Part>,
+    images: HashMap<(PathBuf, said::ColorSpace), Arc<Image>>,
+    paints: Vec<Paint>,
+    /// By index of the material in the description.
+    painted: HashMap<usize, u32>,
     lights: Vec<Light>,
     warnings: Vec<String>,
 }
@@ -100,6 +107,9 @@ impl<'d> Builder<'d> {
             media: Vec::new(),
             carried: HashMap::new(),
             parts: Vec::new(),
+            images: HashMap::new(),
+            paints: Vec::new(),
+            painted: HashMap::new(),
             lights: Vec::new(),
             warnings: description.warnings.clone(),
         }
@@ -162,9 +172,10 @@ impl<'d> Builder<'d> {
                 Strength::Radiance(radiance) => Shine::Radiance(radiance, emission.side),
                 Strength::Power(power) => Shine::Power(power, emission.side),
             });
+            let paint = self.paint(said, &placed)?;
             self.parts.push(Part {
                 placed,
-                surface: Surface { material, solid: None, light: None },
+                surface: Surface { material, solid: None, light: None, paint },
                 solid: is_solid.then_some(Filling { medium, index: index_of_refraction, priority: said.priority }),
                 emission,
             });
@@ -417,6 +428,7 @@ impl<'d> Builder<'d> {
             camera,
             geometry,
             surfaces,
+            paints: self.paints,
             solids,
             world,
             world_region: 0,

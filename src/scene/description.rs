@@ -21,6 +21,7 @@ use crate::math::{DAffine3, DVec3, Rgb};
 use crate::medium::density::bricks::{Interpolation, NegativePolicy};
 use crate::medium::density::{Exponential, Noise};
 use crate::medium::phase::Phase;
+use crate::surface::Relief;
 
 pub use lights::*;
 pub use settings::*;
@@ -150,6 +151,17 @@ impl Description {
         let mut files = Vec::new();
         for medium in &mut self.media {
             files.extend(medium.density.file_mut());
+        }
+        for material in &mut self.materials {
+            let relief = match &mut material.relief {
+                Some(Relief::NormalMap(texture, _) | Relief::Bump(texture, _)) => Some(&mut texture.value),
+                None => None,
+            };
+            let textures = material.textures.iter_mut().map(|(_, texture)| &mut texture.value).chain(relief);
+            files.extend(textures.filter_map(|texture| match texture {
+                Texture::Image { file, .. } => Some(&mut file.value),
+                Texture::Checker(_) | Texture::Noise(_) => None,
+            }));
         }
         for shape in &mut self.shapes {
             match &mut shape.kind {

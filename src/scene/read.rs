@@ -4,6 +4,7 @@ mod lights;
 mod materials;
 mod media;
 mod shapes;
+mod textures;
 mod transform;
 mod warnings;
 
@@ -102,7 +103,8 @@ fn describe(root: &Table, path: &Path) -> Read<Description> {
             ),
         ));
     }
-    let materials = all(&material_items, |(name, item)| materials::material(name, item));
+    let known = materials::Materials { names: &names, items: &material_items };
+    let materials = all(&material_items, |(name, item)| materials::material(name, item, &known));
     let shapes = shapes::shapes(&shape_items?.unwrap_or_default(), &names);
     let lights = lights::lights(&light_items?.unwrap_or_default(), &names);
 

@@ -8,7 +8,7 @@ use crate::geometry::{Cluster, Geometry};
 use crate::light::{Light, Surroundings};
 use crate::math::{Bounds, DVec3, Rgb, Stream, choose};
 use crate::medium::Medium;
-use crate::surface::Material;
+use crate::surface::{Material, Paint};
 
 /// What is there: who looks, shapes, media and lights. How a picture of it is computed, [`Settings`](super::Settings) say.
 #[derive(Debug)]
@@ -19,6 +19,8 @@ pub struct Scene {
     pub geometry: Geometry,
     /// What each placed shape is made of.
     pub surfaces: Vec<Surface>,
+    /// What changes over surfaces.
+    pub paints: Vec<Paint>,
     /// The closed shapes that decide what fills space; a higher index takes precedence.
     pub solids: Vec<Solid>,
     /// What fills space outside of solids: an index into `media`.
@@ -50,6 +52,8 @@ pub struct Surface {
     pub solid: Option<u32>,
     /// The light that the shape is: an index into [`Scene::lights`].
     pub light: Option<u32>,
+    /// What changes over it: an index into [`Scene::paints`].
+    pub paint: Option<u32>,
 }
 
 /// A closed shape with an interior or a dielectric material.

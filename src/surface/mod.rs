@@ -24,6 +24,7 @@ mod reflector;
 mod rough;
 mod schlick;
 mod smooth;
+mod texture;
 mod thin;
 
 pub use coated::Coated;
@@ -41,6 +42,9 @@ pub use reflector::Reflector;
 pub use rough::Rough;
 pub use schlick::Schlick;
 pub use smooth::Smooth;
+pub use texture::{
+    Checker, Component, ImageTexture, NoiseTexture, Paint, Parameter, Relief, Slot, Space, Texture, TexturePoint, Wrap,
+};
 pub use thin::Thin;
 
 use crate::math::{DVec3, Rgb, Stream};
@@ -211,6 +215,30 @@ impl Bsdf {
         }
         let factor = factor * at.adjoint(side, normal, direction);
         survives(weight, factor, stream).then_some(Onward { direction, density })
+    }
+
+    /// Whether it is not the same when turned about the normal.
+    pub fn is_anisotropic(&self) -> bool {
+        match self {
+            Bsdf::Reflector(reflector) => reflector.is_anisotropic(),
+            Bsdf::Coated(coated) => coated.base.is_anisotropic(),
+            Bsdf::Mix(mix) => mix.a.is_anisotropic() || mix.b.is_anisotropic(),
+            Bsdf::Thin(_) | Bsdf::Smooth(_) | Bsdf::Rough(_) => false,
+        }
+    }
+
+    /// Puts a texture's value in place of a constant.
+    fn set(&mut self, Slot { component, parameter }: Slot, value: Rgb) {
+        let number = (value.element_sum() / 3.0).clamp(0.0, 1.0);
+        match (self, component, parameter) {
+            (Bsdf::Reflector(reflector), ..) => reflector.set(parameter, value),
+            (Bsdf::Coated(coated), Component::Whole, Parameter::Roughness) => coated.roughness = number,
+            (Bsdf::Coated(coated), Component::First, _) => coated.base.set(parameter, value),
+            (Bsdf::Mix(mix), Component::Whole, Parameter::Weight) => mix.weight = number,
+            (Bsdf::Mix(mix), Component::First, _) => mix.a.set(parameter, value),
+            (Bsdf::Mix(mix), Component::Second, _) => mix.b.set(parameter, value),
+            _ => {}
+        }
     }
 
     /// This, in surroundings with another index of refraction than 1.

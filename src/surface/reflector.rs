@@ -1,4 +1,6 @@
-use super::{Conductor, Drawn, Incidence, Lambert, Mirror, Nature, OrenNayar, Phong, Scattering, Schlick};
+use super::{
+    Conductor, Drawn, Fresnel, Incidence, Lambert, Mirror, Nature, OrenNayar, Parameter, Phong, Scattering, Schlick,
+};
 use crate::math::{DVec3, Rgb, Stream};
 
 /// A surface that reflects light, and is made of nothing else: what coats cover and mixtures are made of.
@@ -72,6 +74,35 @@ impl Reflector {
             Reflector::Phong(phong) => phong.sample(at, stream),
             Reflector::Conductor(conductor) => conductor.sample(at, stream),
             Reflector::Schlick(schlick) => schlick.sample(at, stream),
+        }
+    }
+
+    pub(super) fn is_anisotropic(&self) -> bool {
+        match self {
+            Reflector::Conductor(conductor) => conductor.roughness[0] != conductor.roughness[1],
+            Reflector::Schlick(schlick) => schlick.isotropy != 1.0,
+            Reflector::Lambert(_) | Reflector::OrenNayar(_) | Reflector::Mirror(_) | Reflector::Phong(_) => false,
+        }
+    }
+
+    /// Puts a texture's value in place of a constant; what comes to more than all light with others is cut off.
+    pub(super) fn set(&mut self, parameter: Parameter, value: Rgb) {
+        let share = value.clamp(Rgb::ZERO, Rgb::ONE);
+        let number = share.element_sum() / 3.0;
+        match (self, parameter) {
+            (Reflector::Lambert(lambert), Parameter::Reflectance) => lambert.reflectance = share,
+            (Reflector::OrenNayar(oren_nayar), Parameter::Reflectance) => oren_nayar.reflectance = share,
+            (Reflector::Mirror(mirror), Parameter::Reflectance) => mirror.reflectance = share,
+            (Reflector::Phong(phong), Parameter::Diffuse) => {
+                phong.diffuse = share;
+                phong.specular = phong.specular.min(Rgb::ONE - share);
+            }
+            (Reflector::Phong(phong), Parameter::Specular) => phong.specular = share.min(Rgb::ONE - phong.diffuse),
+            (Reflector::Conductor(conductor), Parameter::F0) => conductor.fresnel = Fresnel::Schlick { f0: share },
+            (Reflector::Conductor(conductor), Parameter::Roughness) => conductor.roughness = [number; 2],
+            (Reflector::Schlick(schlick), Parameter::F0) => schlick.f0 = share,
+            (Reflector::Schlick(schlick), Parameter::Roughness) => schlick.roughness = number,
+            _ => {}
         }
     }
 }

@@ -7,7 +7,7 @@ use super::surface::Interaction;
 use crate::geometry::{Cluster, Hit};
 use crate::math::{DVec3, Ray, error_bound};
 use crate::scene::{Inside, Scene};
-use crate::surface::{Bsdf, Incidence, Material, Rough, Smooth};
+use crate::surface::{Bsdf, Incidence, Material, Paint, Rough, Smooth, TexturePoint};
 
 /// A photon or an eye path on its way.
 #[derive(Clone)]
@@ -163,30 +163,56 @@ impl<'s> Walk<'s> {
 
     /// What the surfaces at one place do together: an opaque one decides; else a change of index.
     fn bsdf(&self, after: &Inside) -> Option<(Hit, Bsdf)> {
+        let scene = self.scene;
         let mut boundary = None;
         for hit in self.cluster.hits() {
-            match self.scene.surfaces[hit.id as usize].material {
-                Material::Opaque(bsdf) => return Some((*hit, bsdf.surrounded_by(|| self.scene.index(&self.inside)))),
+            match scene.surfaces[hit.id as usize].material {
+                Material::Opaque(bsdf) => {
+                    let bsdf = self.paint(hit).map_or(bsdf, |(paint, at)| paint.on(bsdf, &at));
+                    return Some((*hit, bsdf.surrounded_by(|| scene.index(&self.inside))));
+                }
                 Material::Dielectric(dielectric) if boundary.is_none() => boundary = Some((*hit, dielectric.roughness)),
                 Material::Dielectric(_) | Material::None => {}
             }
         }
         let (hit, alpha) = boundary?;
-        let (from, to) = (self.scene.index(&self.inside), self.scene.index(after));
+        let alpha = self.paint(&hit).map_or(alpha, |(paint, at)| paint.roughness(alpha, &at));
+        let (from, to) = (scene.index(&self.inside), scene.index(after));
         let bsdf = if alpha > 0.0 { Bsdf::Rough(Rough { from, to, alpha }) } else { Bsdf::Smooth(Smooth { from, to }) };
         (from != to).then_some((hit, bsdf))
     }
 
+    /// What changes over the surface that is hit, and the place there.
+    fn paint(&self, hit: &Hit) -> Option<(&'s Paint, TexturePoint)> {
+        let scene = self.scene;
+        let paint = &scene.paints[scene.surfaces[hit.id as usize].paint? as usize];
+        Some((paint, TexturePoint { uv: hit.uv, object: scene.geometry.object_point(&self.ray, hit) }))
+    }
+
     fn interaction(&self, hit: Hit, bsdf: Bsdf, after: Inside) -> Interaction {
         let direction = self.ray.direction;
+        let (mut shading_normal, mut tangent) = (hit.shading_normal, DVec3::ZERO);
+
+        // What depends on the directions of u and v.
+        let relief = self.paint(&hit).filter(|(paint, _)| paint.relief.is_some());
+        if relief.is_some() || bsdf.is_anisotropic() {
+            let object = self.scene.geometry.object_point(&self.ray, &hit);
+            let tangents = self.scene.geometry.tangents(&hit, object);
+            tangent = tangents[1][0];
+            if let Some((paint, at)) = relief {
+                shading_normal = paint.normal(shading_normal, tangents, &at);
+            }
+        }
+
+        // On the side of arrival.
         let facing = if hit.normal.dot(direction) <= 0.0 { 1.0 } else { -1.0 };
-        let mut shading_normal = facing * hit.shading_normal;
+        shading_normal *= facing;
         if shading_normal.dot(direction) >= 0.0 {
             shading_normal = facing * hit.normal;
         }
         Interaction {
             point: self.ray.at(hit.t),
-            incidence: Incidence { direction, normal: facing * hit.normal, shading_normal, tangent: DVec3::ZERO },
+            incidence: Incidence { direction, normal: facing * hit.normal, shading_normal, tangent },
             t: hit.t,
             bsdf,
             offset: 4.0 * error_bound(&self.ray, hit.t),

@@ -217,3 +217,37 @@ fn the_closest_point_of_each_face_is_undercut_by_none() {
         assert!(confirmed > 0, "{:?}", here.shape());
     });
 }
+
+/// A step along ∂p/∂u over its length changes u, and v not, by the step's share; and the other way round.
+#[test]
+fn tangents_are_the_derivatives_of_u_and_v() {
+    const STEP: f64 = 1e-6;
+    each_image(&[DAffine3::IDENTITY], |here, _, r| {
+        let mut compared = 0;
+        for _ in 0..300 {
+            let local = ray_through(r);
+            for (t, primitive, weights) in met(here, &local, 0.0, 100.0) {
+                let (p, at) = (local.at(t), here.surface(&local, t, primitive, weights));
+                for (k, along) in here.tangents(p, primitive).into_iter().enumerate() {
+                    let share = STEP / along.length().max(1e-3);
+                    let above = Ray::new(p + share * along + 0.01 * at.normal, -at.normal);
+                    let beside = met(here, &above, 0.005, 0.015);
+                    let Some(&(t, _, weights)) = beside.iter().find(|(_, other, _)| *other == primitive) else {
+                        continue;
+                    };
+                    let uv = here.surface(&above, t, primitive, weights).uv;
+                    let moved = [0, 1].map(|i| (uv[i] - at.uv[i]) / share);
+                    // Beside the seam, and at poles.
+                    if moved.iter().any(|x| x.abs() > 0.5 / share) || at.uv[1].min(1.0 - at.uv[1]) < 0.02 {
+                        continue;
+                    }
+                    let expected = [f64::from(k == 0), f64::from(k == 1)];
+                    let off = [0, 1].map(|i| (moved[i] - expected[i]).abs());
+                    assert!(off[0].max(off[1]) < 1e-2, "{:?}: {moved:?}, not {expected:?}", here.shape());
+                    compared += 1;
+                }
+            }
+        }
+        assert!(compared > 100, "{compared}");
+    });
+}

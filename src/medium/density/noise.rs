@@ -95,9 +95,17 @@ impl Noise {
         Ok(Grid::new(Arc::new(voxels), DAffine3::from_scale(DVec3::splat(spacing))))
     }
 
-    /// The density of a voxel: the sum of the octaves, cut off at the threshold.
+    /// The density at any point, not interpolated between voxels.
+    pub fn at(&self, p: DVec3) -> f64 {
+        self.between_voxels(p / self.spacing())
+    }
+
     fn at_voxel(&self, voxel: [i32; 3]) -> f32 {
-        let voxel = DVec3::from_array(voxel.map(f64::from));
+        self.between_voxels(DVec3::from_array(voxel.map(f64::from))) as f32
+    }
+
+    /// The density at a point in units of voxels: the sum of the octaves, cut off at the threshold.
+    fn between_voxels(&self, voxel: DVec3) -> f64 {
         let (mut sum, mut total) = (0.0, 0.0);
         for octave in 0..self.octaves {
             // Voxels to a cell of this octave; a power of two, so that quotients are exact.
@@ -109,7 +117,7 @@ impl Noise {
             total += weight;
         }
         let noise = 0.5 + 0.5 * sum / total;
-        ((noise - self.threshold) / (1.0 - self.threshold)).clamp(0.0, 1.0) as f32
+        ((noise - self.threshold) / (1.0 - self.threshold)).clamp(0.0, 1.0)
     }
 }
 

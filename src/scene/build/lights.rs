@@ -95,7 +95,7 @@ impl Builder<'_> {
 
     fn lamp(&mut self, shape: Shape, material: Material, shine: Shine) -> Result<()> {
         let placed = Placed::new(shape, DAffine3::IDENTITY)?;
-        let surface = Surface { material, solid: None, light: None };
+        let surface = Surface { material, solid: None, light: None, paint: None };
         self.parts.push(Part { placed, surface, solid: None, emission: Some(shine) });
         Ok(())
     }

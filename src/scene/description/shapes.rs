@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::{Located, Place};
 use crate::light::Sides;
 use crate::math::{DAffine3, DVec2, DVec3, Rgb};
-use crate::surface;
+use crate::surface::{self, Relief, Slot};
 
 /// `[materials.*]`: what shapes are made of.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -16,9 +16,46 @@ pub struct Material {
     pub name: String,
     /// Which kind of material it is, with what is said of it.
     pub kind: surface::Material,
+    /// Textures that take the place of its constants.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub textures: Vec<(Slot, Located<Texture>)>,
+    /// The texture that turns its normal.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub relief: Option<Relief<Located<Texture>>>,
     /// Where the material is described; for a default, the first shape that needs it.
     #[serde(skip)]
     pub place: Place,
+}
+
+/// A colour or number that changes over a surface.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Texture {
+    /// From an image.
+    Image {
+        /// A `.png`, `.jpg`, `.exr`, `.hdr` or `.pfm` file.
+        file: Located<PathBuf>,
+        /// What is beyond its edge.
+        wrap: surface::Wrap,
+        /// How its integers are understood; `None`: as sRGB for colours, as they are for numbers and normals.
+        color_space: Option<ColorSpace>,
+        /// Turns (u, v, 0) into coordinates of the image.
+        to_image: DAffine3,
+    },
+    /// Two colours by turns.
+    Checker(surface::Checker),
+    /// Between two colours by noise.
+    Noise(surface::NoiseTexture),
+}
+
+/// How an image's integers are understood. Images of floating-point numbers are always linear.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ColorSpace {
+    /// By the curve of sRGB.
+    Srgb,
+    /// In proportion.
+    Linear,
 }
 
 /// `[[shapes]]`: a surface, and what fills it.

@@ -1,63 +1,244 @@
 //! `[materials.*]`
 
+use std::cell::RefCell;
+
+use super::Names;
+use super::textures::texture;
 use crate::math::Rgb;
-use crate::scene::description::Material;
+use crate::scene::description::{Located, Material, Texture};
 use crate::scene::table::{Item, Read, Table};
-use crate::surface::{self, Dielectric, Lambert, Mirror, OrenNayar, Reflector};
+use crate::surface::{
+    self, Bsdf, Coated, Component, Conductor, Dielectric, Fresnel, Lambert, Mirror, Mix, OrenNayar, Parameter, Phong,
+    Reflector, Relief, Schlick, Slot, Thin,
+};
 
 /// What shapes without a `material` are made of where they have an interior; a scene need not define it.
 pub(super) const NONE: &str = "none";
 
+/// What materials that are made of others see of a scene file.
+pub(super) struct Materials<'a> {
+    pub names: &'a Names<'a>,
+    pub items: &'a [(&'a str, Item<'a>)],
+}
+
+/// Where a material's parameters are read to.
+struct Reading<'a> {
+    all: &'a Materials<'a>,
+    component: Component,
+    textures: RefCell<Vec<(Slot, Located<Texture>)>>,
+}
+
+/// Stands for a constant that a texture takes the place of.
+const ANY: f64 = 0.5;
+
+impl Reading<'_> {
+    fn new<'a>(all: &'a Materials<'a>) -> Reading<'a> {
+        Reading { all, component: Component::Whole, textures: RefCell::default() }
+    }
+
+    /// A value of `read`, or a texture in its place.
+    fn value<T>(&self, item: &Item, parameter: Parameter, any: T, read: impl FnOnce(&Item) -> Read<T>) -> Read<T> {
+        if !item.is_table() {
+            return read(item);
+        }
+        let slot = Slot { component: self.component, parameter };
+        let texture = texture(item, self.all.names)?;
+        self.textures.borrow_mut().push((slot, item.at(texture)));
+        Ok(any)
+    }
+
+    /// A colour of shares.
+    fn share(&self, table: &Table, key: &'static str, parameter: Parameter, default: f64) -> Read<Rgb> {
+        let any = Rgb::splat(ANY);
+        table.get_or(key, Rgb::splat(default), |item| self.value(item, parameter, any, |item| item.share()))
+    }
+
+    /// A number from 0 to 1.
+    fn number(&self, table: &Table, key: &'static str, parameter: Parameter, default: f64) -> Read<f64> {
+        table.get_or(key, default, |item| self.value(item, parameter, ANY, |item| item.within(0.0, 1.0)))
+    }
+
+    /// What a coat covers, or one part of a mixture: a material of its own, or the name of one.
+    fn part(&self, table: &Table, key: &'static str, component: Component) -> Read<Reflector> {
+        let item = table.require(key, |item| Ok(item.clone()))?;
+        let part = Reading { component, ..Reading::new(self.all) };
+        let reflector = if item.is_table() {
+            part.reflector(&item)
+        } else {
+            let name = item.string()?;
+            match self.all.items.iter().find(|(known, _)| *known == name) {
+                Some((_, named)) => part
+                    .reflector(named)
+                    .map_err(|_| item.fail("refers to a material that is wrong, or does not only reflect")),
+                None => Err(item.unknown_name("material", name, &self.all.names.materials)),
+            }
+        };
+        self.textures.borrow_mut().append(&mut part.textures.borrow_mut());
+        reflector
+    }
+
+    /// A material that reflects and is made of nothing else.
+    fn reflector(&self, item: &Item) -> Read<Reflector> {
+        let table = item.table()?;
+        let read = table.require("type", |item| item.choice(&REFLECTORS, &[]))?;
+        let reflector = read(self, &table);
+        table.finish()?;
+        reflector
+    }
+}
+
+type ReadReflector = fn(&Reading, &Table) -> Read<Reflector>;
+
+const REFLECTORS: [(&str, ReadReflector); 6] = [
+    ("lambert", lambert),
+    ("oren_nayar", oren_nayar),
+    ("mirror", mirror),
+    ("phong", phong),
+    ("conductor", conductor),
+    ("schlick", schlick),
+];
+
 /// Reads `item` as the material of this name.
-pub(super) fn material(name: &str, item: &Item) -> Read<Material> {
-    type Reader = fn(&Table) -> Read<surface::Material>;
-    let kinds: [(&str, Reader); 5] = [
-        ("lambert", lambert),
-        ("oren_nayar", oren_nayar),
-        ("mirror", mirror),
-        ("dielectric", dielectric),
-        ("none", |_| Ok(surface::Material::None)),
+pub(super) fn material(name: &str, item: &Item, all: &Materials) -> Read<Material> {
+    #[derive(Clone, Copy)]
+    enum Reader {
+        Reflector(ReadReflector),
+        Other(fn(&Reading, &Table) -> Read<surface::Material>),
+    }
+    let others: [(&str, Reader); 5] = [
+        ("dielectric", Reader::Other(dielectric)),
+        ("thin_dielectric", Reader::Other(thin_dielectric)),
+        ("coated", Reader::Other(coated)),
+        ("mix", Reader::Other(mix)),
+        ("none", Reader::Other(|_, _| Ok(surface::Material::None))),
     ];
+    let kinds: Vec<(&str, Reader)> =
+        REFLECTORS.iter().map(|&(name, read)| (name, Reader::Reflector(read))).chain(others).collect();
     let table = item.table()?;
-    let read = table.require("type", |item| item.choice(&kinds, &["schlick", "phong", "conductor"]))?;
-    let kind = read(&table);
+    let read = table.require("type", |item| item.choice(&kinds, &[]))?;
+    let reading = Reading::new(all);
+    let kind = match read {
+        Reader::Reflector(read) => read(&reading, &table).map(surface::Material::from),
+        Reader::Other(read) => read(&reading, &table),
+    };
+    let relief = relief(&table, all.names);
     table.finish()?;
-    let kind = kind?;
+    let (kind, relief) = (kind?, relief?);
     if name == NONE && kind != surface::Material::None {
         return Err(
             item.fail("the name is that of the index-matched boundary; expected another name, or type \"none\"")
         );
     }
-    Ok(Material { name: name.to_owned(), kind, place: item.place() })
+    Ok(Material { name: name.to_owned(), kind, textures: reading.textures.into_inner(), relief, place: item.place() })
 }
 
-fn lambert(table: &Table) -> Read<surface::Material> {
-    let reflectance = table.get_or("reflectance", Rgb::splat(0.5), reflectance);
-    Ok(Reflector::Lambert(Lambert { reflectance: reflectance? }).into())
+/// `normal_map` or `bump`, with their `strength`.
+fn relief(table: &Table, names: &Names) -> Read<Option<Relief<Located<Texture>>>> {
+    let map = table.get("normal_map", |item| relief_texture(item, names));
+    let bump = table.get("bump", |item| relief_texture(item, names));
+    let strength = table.get("strength", Item::number);
+    match (map?, bump?, strength?) {
+        (Some(_), Some(_), _) => Err(table.fail_at("bump", "stands beside `normal_map`; expected one of them")),
+        (None, None, Some(_)) => Err(table.fail_at("strength", "has no meaning without `normal_map` or `bump`")),
+        (Some(map), None, strength) => Ok(Some(Relief::NormalMap(map, strength.unwrap_or(1.0)))),
+        (None, Some(bump), strength) => Ok(Some(Relief::Bump(bump, strength.unwrap_or(1.0)))),
+        (None, None, None) => Ok(None),
+    }
 }
 
-fn oren_nayar(table: &Table) -> Read<surface::Material> {
-    let reflectance = table.get_or("reflectance", Rgb::splat(0.5), reflectance);
+fn relief_texture(item: &Item, names: &Names) -> Read<Located<Texture>> {
+    if !item.is_table() {
+        return Err(item.expected("a texture, for example { texture = \"image\", file = \"bricks.png\" }"));
+    }
+    texture(item, names).map(|texture| item.at(texture))
+}
+
+fn lambert(reading: &Reading, table: &Table) -> Read<Reflector> {
+    let reflectance = reading.share(table, "reflectance", Parameter::Reflectance, 0.5);
+    Ok(Reflector::Lambert(Lambert { reflectance: reflectance? }))
+}
+
+fn oren_nayar(reading: &Reading, table: &Table) -> Read<Reflector> {
+    let reflectance = reading.share(table, "reflectance", Parameter::Reflectance, 0.5);
     let sigma = table.get_or("sigma", 0.3, |item| item.slope());
-    Ok(Reflector::OrenNayar(OrenNayar { reflectance: reflectance?, sigma: sigma? }).into())
+    Ok(Reflector::OrenNayar(OrenNayar { reflectance: reflectance?, sigma: sigma? }))
 }
 
-fn mirror(table: &Table) -> Read<surface::Material> {
-    let reflectance = table.get_or("reflectance", Rgb::ONE, reflectance);
-    Ok(Reflector::Mirror(Mirror { reflectance: reflectance? }).into())
+fn mirror(reading: &Reading, table: &Table) -> Read<Reflector> {
+    let reflectance = reading.share(table, "reflectance", Parameter::Reflectance, 1.0);
+    Ok(Reflector::Mirror(Mirror { reflectance: reflectance? }))
 }
 
-fn dielectric(table: &Table) -> Read<surface::Material> {
+fn phong(reading: &Reading, table: &Table) -> Read<Reflector> {
+    // Rounding of decimal fractions that sum to one.
+    const TOLERANCE: f64 = 1e-9;
+    let diffuse = reading.share(table, "diffuse", Parameter::Diffuse, 0.5);
+    let specular = reading.share(table, "specular", Parameter::Specular, 0.3);
+    let exponent = table.get_or("exponent", 50.0, |item| item.within(0.0, 1e6));
+    let (diffuse, specular) = (diffuse?, specular?);
+    let most = (diffuse + specular).max_element();
+    if most > 1.0 + TOLERANCE {
+        return Err(table.fail_at("specular", format!("comes to {most} with `diffuse`; expected at most 1")));
+    }
+    Ok(Reflector::Phong(Phong { diffuse, specular, exponent: exponent? }))
+}
+
+fn conductor(reading: &Reading, table: &Table) -> Read<Reflector> {
+    let metals: Vec<(&str, Fresnel)> = Fresnel::metals().collect();
+    let any = Rgb::splat(ANY);
+    let f0 = table.get("f0", |item| reading.value(item, Parameter::F0, any, |item| item.share()));
+    let eta = table.get("eta", Item::positive_colour);
+    let k = table.get("k", Item::colour);
+    let metal = table.get("metal", |item| item.choice(&metals, &[]));
+    let roughness = table.get_or("roughness", [0.0; 2], |item| {
+        if item.is_number() || item.is_table() {
+            let number = reading.value(item, Parameter::Roughness, ANY, |item| item.within(0.0, 1.0))?;
+            return Ok([number; 2]);
+        }
+        let expected = "a number from 0 to 1, or two of them, along u and along v";
+        let items = item.array(expected)?;
+        let [u, v] = items.as_slice() else { return Err(item.expected(expected)) };
+        let (u, v) = (u.within(0.0, 1.0), v.within(0.0, 1.0));
+        Ok([u?, v?])
+    });
+    let fresnel = match (f0?, eta?, k?, metal?) {
+        (Some(f0), None, None, None) => Fresnel::Schlick { f0 },
+        (None, Some(eta), Some(k), None) => Fresnel::Complex { eta, k },
+        (None, None, None, Some(metal)) => metal,
+        _ => return Err(table.missing("", "expected one of `f0`, `eta` with `k`, and `metal`")),
+    };
+    Ok(Reflector::Conductor(Conductor { fresnel, roughness: roughness? }))
+}
+
+fn schlick(reading: &Reading, table: &Table) -> Read<Reflector> {
+    let f0 = reading.share(table, "f0", Parameter::F0, 0.5);
+    let roughness = reading.number(table, "roughness", Parameter::Roughness, 0.1);
+    let isotropy = table.get_or("isotropy", 1.0, |item| item.above_up_to(0.0, 1.0));
+    table.later("layer")?;
+    Ok(Reflector::Schlick(Schlick { f0: f0?, roughness: roughness?, isotropy: isotropy? }))
+}
+
+fn dielectric(reading: &Reading, table: &Table) -> Read<surface::Material> {
     let index = table.get_or("ior", Rgb::splat(1.5), Item::positive_colour);
-    let roughness = table.get_or("roughness", 0.0, |item| item.within(0.0, 1.0));
+    let roughness = reading.number(table, "roughness", Parameter::Roughness, 0.0);
     Ok(Dielectric { index: index?, roughness: roughness? }.into())
 }
 
-/// A colour; textures are tables.
-fn reflectance(item: &Item) -> Read<Rgb> {
-    if !item.is_table() {
-        return item.share();
-    }
-    let table = item.table()?;
-    table.require("texture", |item| item.choice(&[], &["image", "checker", "noise"]))
+fn thin_dielectric(_: &Reading, table: &Table) -> Read<surface::Material> {
+    let index = table.get_or("ior", Rgb::splat(1.5), Item::positive_colour);
+    Ok(Bsdf::Thin(Thin { index: index? }).into())
+}
+
+fn coated(reading: &Reading, table: &Table) -> Read<surface::Material> {
+    let base = reading.part(table, "base", Component::First);
+    let index = table.get_or("ior", 1.5, Item::positive);
+    let roughness = reading.number(table, "roughness", Parameter::Roughness, 0.0);
+    Ok(Bsdf::Coated(Coated { base: base?, index: index?, roughness: roughness?, outside: 1.0 }).into())
+}
+
+fn mix(reading: &Reading, table: &Table) -> Read<surface::Material> {
+    let a = reading.part(table, "a", Component::First);
+    let b = reading.part(table, "b", Component::Second);
+    let weight = reading.number(table, "weight", Parameter::Weight, 0.5);
+    Ok(Bsdf::Mix(Mix { a: a?, b: b?, weight: weight? }).into())
 }

@@ -171,12 +171,18 @@ fn exponential(table: &Table, _: &Names) -> Read<Density> {
 }
 
 fn noise(table: &Table, _: &Names) -> Read<Density> {
+    let noise = noise_of(table, 0.5);
+    table.finish()?;
+    noise.map(Density::Noise)
+}
+
+/// The keys of noise.
+pub(super) fn noise_of(table: &Table, threshold: f64) -> Read<Noise> {
     let scale = table.get_or("scale", 1.0, Item::length);
     let octaves = table.get_or("octaves", 4, |item| item.integer(1, MOST_OCTAVES));
-    let threshold = table.get_or("threshold", 0.5, |item| item.half_open(0.0, 1.0));
+    let threshold = table.get_or("threshold", threshold, |item| item.half_open(0.0, 1.0));
     let seed = table.get_or("seed", 0, |item| item.u32(0));
-    table.finish()?;
-    Ok(Density::Noise(Noise { scale: scale?, octaves: octaves?, threshold: threshold?, seed: seed? }))
+    Ok(Noise { scale: scale?, octaves: octaves?, threshold: threshold?, seed: seed? })
 }
 
 fn emission(table: &Table) -> Read<MediumEmission> {

@@ -218,7 +218,8 @@ pub(super) fn finish(mut drafts: Vec<Draft>, materials: &mut Vec<Material>, name
     let mut black = None;
     let mut add = |known: &mut Option<usize>, name: &str, kind, draft: &Draft| {
         *known.get_or_insert_with(|| {
-            materials.push(Material { name: name.to_owned(), kind, place: draft.item.place() });
+            let (name, place) = (name.to_owned(), draft.item.place());
+            materials.push(Material { name, kind, textures: Vec::new(), relief: None, place });
             materials.len() - 1
         })
     };
