@@ -1,6 +1,6 @@
 //! Materials and textures in pictures: both methods see the same, and textures lie where they should.
 
-use volpm::image::{self, Image};
+use volpm::image::{self, Image, LayerData};
 
 use crate::support::{Checks, Estimate, images, render};
 
@@ -96,8 +96,7 @@ fn photons_and_paths_agree_among_all_materials() {
     checks.finish();
 }
 
-/// Under an even sky a plane of one reflectance is as bright as that: pixels show what the texture says, the image's lower left
-/// corner at the quad's origin, row 0 on top; integers go by the curve of sRGB unless they are said to be linear.
+/// The albedo of pixels is what the texture says, the image's lower left corner at the quad's origin, row 0 on top; integers go by the curve of sRGB unless they are said to be linear.
 #[test]
 fn textures_lie_where_they_should() {
     let folder = tempfile::tempdir().unwrap();
@@ -118,10 +117,15 @@ fn textures_lie_where_they_should() {
              [[shapes]]\ntype = \"quad\"\norigin = [-1, -1, 0]\nedge_u = [2, 0, 0]\nedge_v = [0, 2, 0]\nmaterial = \"picture\"\n\
              [[lights]]\ntype = \"environment\"\nradiance = 1\n"
         );
-        let seen = render(&text, &[]).film.image();
+        let layers = render(&text, &[]).film.layers();
+        let albedo = layers.iter().find_map(|layer| match &layer.channels {
+            LayerData::Rgb(pixels) if layer.name == "albedo" => Some(pixels),
+            _ => None,
+        });
+        let albedo = albedo.expect("a layer of albedo");
         // The outer pixels' middles are the middles of texels, or beyond.
         for (corner, (x, y)) in bytes.iter().zip([(0, 0), (3, 0), (0, 3), (3, 3)]) {
-            let [found, expected] = [seen.get(x, y).map(f64::from), corner.map(value)];
+            let [found, expected] = [albedo[4 * y + x].map(f64::from), corner.map(value)];
             let off = found.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             assert!(off < 1e-4, "{color_space} at {x} {y}: {found:?}, not {expected:?}");
         }

@@ -643,12 +643,7 @@ const LATER: &[&str] = &[
     "[surface]\nirradiance_cache = true\n",
     "[surface]\nneighbours = 80\n",
     "[surface]\nfilter = \"cone\"\n",
-    "[materials.a]\ntype = \"schlick\"\nf0 = 1\nroughness = 0.5\nisotropy = 1\n",
-    "[materials.a]\ntype = \"phong\"\ndiffuse = 0.5\nspecular = 0.5\nexponent = 10\n",
-    "[materials.a]\ntype = \"conductor\"\nf0 = 0.5\nroughness = 0.1\n",
-    "[materials.a]\ntype = \"lambert\"\nreflectance = { texture = \"image\", file = \"wood.png\" }\n",
-    "[materials.a]\ntype = \"mirror\"\nreflectance = { texture = \"checker\", a = 0, b = 1, scale = 1 }\n",
-    "[materials.a]\ntype = \"lambert\"\nreflectance = { texture = \"noise\" }\n",
+    "[materials.a]\ntype = \"schlick\"\nlayer = { f0 = 1, roughness = 0.5, isotropy = 1 }\n",
 ];
 
 #[test]
