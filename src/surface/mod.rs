@@ -5,8 +5,9 @@
 //! (value and density), and where light goes [onward](Bsdf::onward) (a draw). What is drawn and what is said to be drawn
 //! agree: tests hold every kind to that.
 //!
-//! A new opaque material is one file, with its parameters, `value` and `sample`, and its lines where kinds are listed: in
-//! [`Bsdf`], and among the readers of scene files in `scene/read/materials.rs`.
+//! A new material that reflects is one file, with its parameters, `value` and `sample`, and its lines where kinds are listed: in
+//! [`Reflector`], and among the readers of scene files in `scene/read/materials.rs`. Coats and mixtures are made of such. A
+//! [`Paint`] puts textures in place of a material's constants where light meets it.
 
 mod coated;
 mod conductor;

@@ -82,6 +82,12 @@ impl Reading<'_> {
         let table = item.table()?;
         let read = table.require("type", |item| item.choice(&REFLECTORS, &[]))?;
         let reflector = read(self, &table);
+        for key in ["normal_map", "bump"] {
+            table.get(key, |item| -> Read<()> {
+                Err(item
+                    .fail("a base or a part of a mixture has no relief of its own; expected it on what is made of it"))
+            })?;
+        }
         table.finish()?;
         reflector
     }
@@ -177,7 +183,9 @@ fn phong(reading: &Reading, table: &Table) -> Read<Reflector> {
     let exponent = table.get_or("exponent", 50.0, |item| item.within(0.0, 1e6));
     let (diffuse, specular) = (diffuse?, specular?);
     let most = (diffuse + specular).max_element();
-    if most > 1.0 + TOLERANCE {
+    // Of textures what is too much is cut off where it is met.
+    let constant = reading.textures.borrow().iter().all(|(slot, _)| slot.component != reading.component);
+    if constant && most > 1.0 + TOLERANCE {
         return Err(table.fail_at("specular", format!("comes to {most} with `diffuse`; expected at most 1")));
     }
     Ok(Reflector::Phong(Phong { diffuse, specular, exponent: exponent? }))
