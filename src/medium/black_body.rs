@@ -58,6 +58,12 @@ impl BlackBody {
     }
 }
 
+/// The colour of a black body in linear sRGB, its channels 1 on average. `kelvin` is at least 1000.
+pub fn colour(kelvin: f64) -> Rgb {
+    let rgb = (XYZ_TO_SRGB * xyz(kelvin)).max(Rgb::ZERO);
+    rgb * (3.0 / rgb.element_sum())
+}
+
 /// CIE XYZ of the radiance of a black body, by its integral over the visible spectrum.
 fn xyz(kelvin: f64) -> DVec3 {
     let planck = |nanometres: f64| {
@@ -184,5 +190,7 @@ mod tests {
         assert!((red - Rgb::new(1711.0, 439.4, 13.9)).abs().max_element() < 2.0, "{red}");
         let day = table.radiance(6500.0);
         assert!((day / Rgb::new(4.6925e6, 4.4254e6, 4.6540e6) - 1.0).abs().max_element() < 2e-3, "{day}");
+        let lamp = colour(2000.0);
+        assert!((lamp - red * (3.0 / red.element_sum())).abs().max_element() < 1e-2, "{lamp}");
     }
 }

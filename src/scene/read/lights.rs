@@ -4,6 +4,7 @@ use std::f64::consts::PI;
 
 use super::{Either, Names, all, either};
 use crate::math::Rgb;
+use crate::medium::black_body;
 use crate::scene::description::{Beam, EnvironmentSource, Light, LightKind};
 use crate::scene::table::{Item, Read, Table, unit};
 
@@ -27,10 +28,24 @@ fn kind(table: &Table, names: &Names) -> Read<LightKind> {
 
 fn point(table: &Table, _: &Names) -> Read<LightKind> {
     let position = table.require("position", Item::vector);
-    let strength = either(table, ("intensity", Item::colour), ("power", Item::colour));
+    let strength = strength(table);
     let radius = table.get_or("radius", 0.0, Item::length_or_zero);
     table.finish()?;
     Ok(LightKind::Point { position: position?, intensity: intensity(strength?, 4.0 * PI), radius: radius? })
+}
+
+/// `intensity` or `power`; with a `temperature`, power has the colour of a black body.
+fn strength(table: &Table) -> Read<Either<Rgb, Rgb>> {
+    // Colder ones glow in infrared only; of hotter ones the colour changes no more.
+    let temperature = table.get("temperature", |item| item.within(1000.0, 40_000.0));
+    let strength = either(table, ("intensity", Item::colour), ("power", Item::colour))?;
+    match (strength, temperature?) {
+        (strength, None) => Ok(strength),
+        (Either::Second(power), Some(kelvin)) => Ok(Either::Second(power * black_body::colour(kelvin))),
+        (Either::First(_), Some(_)) => {
+            Err(table.fail_at("temperature", "has no meaning beside `intensity`; expected it beside `power`"))
+        }
+    }
 }
 
 /// The intensity on the axis, from it or from the power: the intensity times `angle`.
@@ -49,7 +64,7 @@ fn spot(table: &Table, _: &Names) -> Read<LightKind> {
     const SMALLEST: f64 = 1e-6;
     let position = table.require("position", Item::vector);
     let target = table.require("target", Item::vector);
-    let strength = either(table, ("intensity", Item::colour), ("power", Item::colour));
+    let strength = strength(table);
     let inner_angle = table.get("inner_angle", |item| item.within(0.0, 90.0));
     let outer_angle = table.get_or("outer_angle", OUTER_ANGLE, |item| item.within(SMALLEST, 90.0));
     let radius = table.get_or("radius", 0.0, Item::length_or_zero);
