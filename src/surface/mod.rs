@@ -242,14 +242,6 @@ impl Bsdf {
         }
     }
 
-    /// This, in surroundings with another index of refraction than 1.
-    pub(crate) fn surrounded_by(self, index: impl FnOnce() -> Rgb) -> Bsdf {
-        match self {
-            Bsdf::Coated(coated) => Bsdf::Coated(Coated { outside: index().x, ..coated }),
-            other => other,
-        }
-    }
-
     /// The boundary between two indices of refraction that it is, if it is one: light takes two ways there.
     pub fn boundary(&self, at: &Incidence) -> Option<Boundary> {
         match self {

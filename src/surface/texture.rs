@@ -222,12 +222,11 @@ pub struct Paint {
 }
 
 impl Paint {
-    /// A material's behaviour at a place: textures in place of its constants.
-    pub fn on(&self, mut bsdf: super::Bsdf, at: &TexturePoint) -> super::Bsdf {
+    /// Puts what textures are at a place where a material's constants stand.
+    pub fn put_on(&self, bsdf: &mut super::Bsdf, at: &TexturePoint) {
         for (slot, texture) in &self.textures {
             bsdf.set(*slot, texture.at(at));
         }
-        bsdf
     }
 
     /// The roughness of a boundary at a place.

@@ -162,14 +162,21 @@ impl<'s> Walk<'s> {
     }
 
     /// What the surfaces at one place do together: an opaque one decides; else a change of index.
+    #[inline]
     fn bsdf(&self, after: &Inside) -> Option<(Hit, Bsdf)> {
         let scene = self.scene;
         let mut boundary = None;
         for hit in self.cluster.hits() {
             match scene.surfaces[hit.id as usize].material {
                 Material::Opaque(bsdf) => {
-                    let bsdf = self.paint(hit).map_or(bsdf, |(paint, at)| paint.on(bsdf, &at));
-                    return Some((*hit, bsdf.surrounded_by(|| scene.index(&self.inside))));
+                    let mut bsdf = bsdf;
+                    if let Some((paint, at)) = self.paint(hit) {
+                        paint.put_on(&mut bsdf, &at);
+                    }
+                    if let Bsdf::Coated(coated) = &mut bsdf {
+                        coated.outside = scene.index(&self.inside).x;
+                    }
+                    return Some((*hit, bsdf));
                 }
                 Material::Dielectric(dielectric) if boundary.is_none() => boundary = Some((*hit, dielectric.roughness)),
                 Material::Dielectric(_) | Material::None => {}
@@ -183,12 +190,14 @@ impl<'s> Walk<'s> {
     }
 
     /// What changes over the surface that is hit, and the place there.
+    #[inline]
     fn paint(&self, hit: &Hit) -> Option<(&'s Paint, TexturePoint)> {
         let scene = self.scene;
         let paint = &scene.paints[scene.surfaces[hit.id as usize].paint? as usize];
         Some((paint, TexturePoint { uv: hit.uv, object: scene.geometry.object_point(&self.ray, hit) }))
     }
 
+    #[inline]
     fn interaction(&self, hit: Hit, bsdf: Bsdf, after: Inside) -> Interaction {
         let direction = self.ray.direction;
         let (mut shading_normal, mut tangent) = (hit.shading_normal, DVec3::ZERO);
