@@ -90,7 +90,7 @@ fn threads_change_no_scene() {
 
 #[test]
 fn threads_change_nothing() {
-    for (method, estimate) in [("photon", "beam"), ("photon", "point"), ("path", "beam")] {
+    for (method, estimate) in [("photon", "beam"), ("photon", "point"), ("path", "beam"), ("light", "beam")] {
         let image = |threads: usize, seed: u32| -> Image {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let (method, seed) = (format!("render.method={method}"), format!("render.seed={seed}"));

@@ -11,6 +11,7 @@ mod determinism;
 mod figures;
 mod kinds;
 mod materials;
+mod light_tracing;
 mod passes;
 mod point_queries;
 mod references;

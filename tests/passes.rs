@@ -70,7 +70,7 @@ fn bits(film: &Film) -> (Vec<u32>, Vec<(String, Vec<u32>)>) {
 fn parts_of_a_render_are_the_whole() {
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str| folder.path().join(name);
-    for method in ["photon", "path"] {
+    for method in ["photon", "path", "light"] {
         let work = Work::new(&[&format!("render.method={method}")]);
         let whole = on(3, || work.passes(1, 4));
         assert_eq!((whole.end, whole.stats.passes, whole.stats.samples), (End::Finished, 4, 8));
@@ -112,7 +112,7 @@ fn parts_of_a_render_are_the_whole() {
 
 #[test]
 fn a_single_pass_is_the_first_of_many() {
-    for method in ["photon", "path"] {
+    for method in ["photon", "path", "light"] {
         let work = Work::new(&[&format!("render.method={method}")]);
         let single = work.render(&Limits::default(), None);
         assert!(bits(&single.film) == bits(&work.passes(1, 1).film), "{method}");

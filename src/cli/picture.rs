@@ -3,7 +3,7 @@
 use crate::image::{Attribute, Picture, ToneMap, ToneSettings};
 use crate::render::checkpoint::Subject;
 use crate::render::{Film, Stats};
-use crate::scene::description::{self, Method};
+use crate::scene::description;
 
 /// What a picture says of itself.
 pub struct Facts<'f> {
@@ -50,12 +50,4 @@ pub fn tone(film: &description::Film) -> ToneSettings {
 pub fn tone_of(subject: &Subject) -> ToneSettings {
     let curve = if subject.filmic { ToneMap::Filmic } else { ToneMap::Linear };
     ToneSettings { exposure: subject.exposure, curve }
-}
-
-/// What a scene file calls a method.
-pub fn method_name(method: Method) -> &'static str {
-    match method {
-        Method::Photon => "photon",
-        Method::Path => "path",
-    }
 }

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use serde::Serialize;
 
-use super::picture::{Facts, method_name, picture, tone};
+use super::picture::{Facts, picture, tone};
 use super::progress::Bar;
 #[cfg(feature = "tev")]
 use super::tev::Viewer;
@@ -225,7 +225,7 @@ fn facts(description: &Description, film: &Film, seconds: f64) -> Facts<'static>
         seeds.push(description.render.seed);
     }
     let scene = description.path.display().to_string();
-    Facts { scene, method: method_name(description.render.method), seeds, seconds }
+    Facts { scene, method: description.render.method.name(), seeds, seconds }
 }
 
 fn outputs(arguments: &Arguments) -> Result<Vec<PathBuf>> {
@@ -337,7 +337,7 @@ impl Report {
         let density = density::bytes(scene.media.iter().map(|medium| &medium.density));
         Report {
             scene: description.path.display().to_string(),
-            method: method_name(description.render.method),
+            method: description.render.method.name(),
             seed: description.render.seed,
             threads,
             seconds: Seconds {

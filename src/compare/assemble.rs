@@ -1,7 +1,7 @@
 //! What runs found, as results.
 
 use super::comparison::{Comparison, Found};
-use super::context::{method_name, settings};
+use super::context::settings;
 use super::figures::{figures, mean};
 use super::machine;
 use super::results::{self, Measure, Measured, Reference, ReferenceKind, Results, SameMap};
@@ -117,7 +117,7 @@ impl Comparison<'_> {
         let measures = self.budgets.values.iter().enumerate();
         Ok(results::Variant {
             name: variant.asked.name.clone(),
-            method: method_name(&variant.description),
+            method: variant.description.render.method.name().to_string(),
             set: settings(&variant.set),
             notes: variant.notes.clone(),
             limit: limit.as_ref().map(|known| known.facts.clone()),

@@ -37,7 +37,10 @@ fn is_of_gathering(key: &str) -> bool {
 /// What was asked for, checked and with everything it sets.
 pub fn variants(context: &mut Context<'_>, budgets: &Budgets) -> Result<Vec<Variant>> {
     let request = context.request;
-    let default = |name: &&(&str, _)| name.0 != "beam-fixed" && (name.0 != "path" || !request.same_map);
+    let default = |name: &&(&str, _)| match name.0 {
+        "beam-fixed" | "light" => false,
+        name => name != "path" || !request.same_map,
+    };
     let asked: Vec<StudyVariant> = if request.variants.is_empty() {
         let names = variant::BUILT_IN.iter().filter(default);
         names.map(|(name, _)| StudyVariant { name: name.to_string(), ..StudyVariant::default() }).collect()

@@ -98,10 +98,3 @@ impl<'r> Context<'r> {
 pub fn settings(pairs: &[Pair]) -> Vec<Setting> {
     pairs.iter().map(|(key, value)| Setting { key: key.clone(), value: value.clone() }).collect()
 }
-
-pub fn method_name(description: &Description) -> String {
-    match description.render.method {
-        Method::Photon => "photon".to_string(),
-        Method::Path => "path".to_string(),
-    }
-}

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use serde::Serialize;
 
-use super::context::{Context, Pair, method_name, settings};
+use super::context::{Context, Pair, settings};
 use super::figures::Standard;
 use super::lab::Lab;
 use super::results::{Reference, ReferenceKind, Region};
@@ -90,7 +90,7 @@ pub fn limit(variant: &Variant, context: &Context<'_>, store: &Store, regions: &
     let (standard, made) = make(&name, Some(&variant.asked.name), &set, &limits, context, store)?;
     let facts = Reference {
         kind: ReferenceKind::Own,
-        method: Some(method_name(&description)),
+        method: Some(description.render.method.name().to_string()),
         image: Some(format!("{name}.exr")),
         standard_error: None,
         samples: Some(made.samples),

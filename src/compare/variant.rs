@@ -9,8 +9,9 @@ use crate::scene::{self, Scene, Settings, StudyVariant, is_plain};
 use crate::{Error, Result};
 
 /// Names of the built-in variants, and what they set.
-pub const BUILT_IN: [(&str, &[(&str, &str)]); 6] = [
+pub const BUILT_IN: [(&str, &[(&str, &str)]); 7] = [
     ("path", &[("render.method", "path")]),
+    ("light", &[("render.method", "light")]),
     ("beam", &[("render.method", "photon"), ("volume.estimate", "beam"), ("volume.kernel", "variable")]),
     ("beam-fixed", &[("render.method", "photon"), ("volume.estimate", "beam"), ("volume.kernel", "fixed")]),
     ("point-uniform", &POINT[0]),

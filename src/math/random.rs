@@ -20,6 +20,8 @@ pub enum Purpose {
     Pixel = 5,
     /// Whatever a test draws.
     Test = 6,
+    /// A path from a light to the camera.
+    Light = 7,
 }
 
 /// What a number of a camera sample is for: the first draw of each is spread evenly over a pixel's samples.

@@ -24,7 +24,7 @@ pub mod walls;
 
 pub use balls::{Ball, PointMap, PointMemory, PointSettings};
 pub use discs::{Disc, MapSettings, PhotonMap, Plane};
-pub use emission::Sources;
+pub use emission::{Sources, Start};
 pub use instructions::Instructions;
 pub use pass::{Traced, trace};
 pub use radius::{Filling, InMedium, Radii, Radius, narrowing};

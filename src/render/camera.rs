@@ -1,3 +1,5 @@
+use std::f64::consts::PI;
+
 use crate::gather::Fan;
 use crate::math::random::Dimension;
 use crate::math::{DVec3, Frame, Ray, Stream, sampling};
@@ -78,6 +80,59 @@ impl Camera {
         (self.aperture == 0.0).then_some(Fan { origin: self.position, frame, slope, rays })
     }
 
+    /// How the camera sees `point` from a place drawn on its lens; `None` where it is not on the film. What leaves the point towards
+    /// the lens, per steradian and without what is lost on the way, is multiplied by the view's importance and
+    /// [spread](Camera::spread) over pixels.
+    pub fn view(&self, point: DVec3, stream: &mut Stream) -> Option<View> {
+        let lens = if self.aperture == 0.0 {
+            DVec3::ZERO
+        } else {
+            let (u, v) = sampling::disc(stream.uniform2());
+            self.aperture * (u * self.right + v * self.up)
+        };
+        let way = self.position + lens - point;
+        let distance = way.length();
+        let direction = way / distance;
+        let cos = -direction.dot(self.forward);
+        if cos.is_nan() || cos <= 0.0 {
+            return None;
+        }
+
+        // The place of the film: where the line meets the sharp plane, as seen from the middle of the lens.
+        let across = lens / self.focus_distance - direction / cos;
+        let x = 0.5 * (self.width + self.height * across.dot(self.right) / self.tangent);
+        let y = 0.5 * self.height * (1.0 - across.dot(self.up) / self.tangent);
+        let reach = self.filter_reach();
+        if x <= -reach || y <= -reach || x >= self.width + reach || y >= self.height + reach {
+            return None;
+        }
+
+        // A pixel's edge on the plane at distance 1, where an area dA is seen under the solid angle cos³ dA.
+        let edge = 2.0 * self.tangent / self.height;
+        let importance = 1.0 / (edge * edge * cos.powi(3) * distance * distance);
+        Some(View { direction, distance, importance, x, y })
+    }
+
+    /// Tells `part` which pixels receive what is seen, by number, and the share of each.
+    pub fn spread(&self, view: &View, mut part: impl FnMut(u32, f64)) {
+        // Pixels whose centres are within reach.
+        let reach = self.filter_reach();
+        let near = |place: f64, size: f64| {
+            let first = (place - 0.5 - reach).ceil().max(0.0);
+            let last = (place - 0.5 + reach).floor().min(size - 1.0);
+            first as i64..=last as i64
+        };
+        for y in near(view.y, self.height) {
+            let down = self.filter_density(view.y - (y as f64 + 0.5));
+            for x in near(view.x, self.width) {
+                let share = down * self.filter_density(view.x - (x as f64 + 0.5));
+                if share > 0.0 {
+                    part(y as u32 * self.width as u32 + x as u32, share);
+                }
+            }
+        }
+    }
+
     /// The radius of the lens.
     pub fn aperture(&self) -> f64 {
         self.aperture
@@ -93,18 +148,58 @@ impl Camera {
             Filter::Gaussian => GAUSSIAN_WIDTH * truncated_normal(u),
         }
     }
+
+    /// The density of [`Camera::filter_offset`], per pixel.
+    fn filter_density(&self, offset: f64) -> f64 {
+        match self.filter {
+            // A place on the border between two pixels belongs to one of them.
+            Filter::Box if (-0.5..0.5).contains(&offset) => 1.0,
+            Filter::Box => 0.0,
+            Filter::Tent => (1.0 - offset.abs()).max(0.0),
+            Filter::Gaussian => {
+                let x = offset / GAUSSIAN_WIDTH;
+                let height = 1.0 / ((2.0 * PI).sqrt() * GAUSSIAN_WIDTH * normal_mass(GAUSSIAN_CUT));
+                if x.abs() <= GAUSSIAN_CUT { height * (-0.5 * x * x).exp() } else { 0.0 }
+            }
+        }
+    }
+
+    /// How far from its pixel's centre a sample may be, along each axis.
+    fn filter_reach(&self) -> f64 {
+        match self.filter {
+            Filter::Box => 0.5,
+            Filter::Tent => 1.0,
+            Filter::Gaussian => GAUSSIAN_WIDTH * GAUSSIAN_CUT,
+        }
+    }
 }
 
-/// The standard deviation of the Gaussian filter, in pixels; it is cut off at three of them.
-const GAUSSIAN_WIDTH: f64 = 0.5;
+/// How a camera sees a point.
+#[derive(Clone, Copy, Debug)]
+pub struct View {
+    /// From the point to the lens, of unit length.
+    pub direction: DVec3,
+    /// How far the lens is.
+    pub distance: f64,
+    /// What a pixel receives of what the point sends there per steradian: 1/(d² s² cos³ θ), with the edge s of a pixel on a film
+    /// at distance 1 and the angle θ to the axis; before the filter.
+    pub importance: f64,
+    /// The place on the film, in pixels from the top left.
+    x: f64,
+    y: f64,
+}
 
-/// The quantile function of the standard normal distribution cut off at ±3, by bisection and Newton's
+/// The standard deviation of the Gaussian filter, in pixels.
+const GAUSSIAN_WIDTH: f64 = 0.5;
+/// It is cut off at so many standard deviations.
+const GAUSSIAN_CUT: f64 = 3.0;
+
+/// The quantile function of the standard normal distribution cut off at ±[`GAUSSIAN_CUT`], by bisection and Newton's
 /// method on the error function's series.
 fn truncated_normal(u: f64) -> f64 {
-    const CUT: f64 = 3.0;
-    let edge = normal_mass(CUT);
+    let edge = normal_mass(GAUSSIAN_CUT);
     let target = (2.0 * u - 1.0) * edge;
-    let (mut low, mut high) = (-CUT, CUT);
+    let (mut low, mut high) = (-GAUSSIAN_CUT, GAUSSIAN_CUT);
     let mut x = 0.0;
     for _ in 0..60 {
         let error = normal_mass(x) - target;
@@ -114,7 +209,7 @@ fn truncated_normal(u: f64) -> f64 {
             low = x
         }
         // The density of `normal_mass` is √(2/π) e^{−x²/2}.
-        let next = x - error / ((2.0 / std::f64::consts::PI).sqrt() * (-0.5 * x * x).exp());
+        let next = x - error / ((2.0 / PI).sqrt() * (-0.5 * x * x).exp());
         let next = if next > low && next < high { next } else { 0.5 * (low + high) };
         if (next - x).abs() < 1e-9 {
             return next;
@@ -133,7 +228,7 @@ fn normal_mass(x: f64) -> f64 {
         term *= x * x / k;
         sum += term;
     }
-    (2.0 / std::f64::consts::PI).sqrt() * (-0.5 * x * x).exp() * sum
+    (2.0 / PI).sqrt() * (-0.5 * x * x).exp() * sum
 }
 
 #[cfg(test)]

@@ -31,7 +31,7 @@ use super::eye::Component;
 use super::film::{Film, Finished, Layers, Surfaces};
 use super::stats::Stats;
 use crate::image::write_aside;
-use crate::scene::description::{Method, ToneMap};
+use crate::scene::description::ToneMap;
 use crate::scene::{Description, is_plain};
 use crate::{Error, Result};
 
@@ -57,7 +57,7 @@ pub struct Checkpoint {
 pub struct Subject {
     /// The scene file.
     pub scene: String,
-    /// `photon` or `path`.
+    /// What a scene file calls the method.
     pub method: String,
     /// Parts that each pass is split into; each of them counts as a pass here.
     pub parts: u32,
@@ -98,10 +98,7 @@ impl Subject {
         settings.insert(PROGRAM.to_string(), env!("CARGO_PKG_VERSION").to_string());
         Subject {
             scene: description.path.display().to_string(),
-            method: match description.render.method {
-                Method::Photon => "photon".to_string(),
-                Method::Path => "path".to_string(),
-            },
+            method: description.render.method.name().to_string(),
             parts,
             exposure: description.film.exposure,
             filmic: description.film.tone_map == ToneMap::Filmic,

@@ -103,6 +103,11 @@ impl<const C: usize> ExactSums<C> {
         });
     }
 
+    /// Adds numbers to one element; what is not finite counts as 0. No more than 2³¹ times.
+    pub fn add_at(&mut self, at: usize, values: [f64; C]) {
+        add(&mut self.places[at], &mut self.digits[at], values);
+    }
+
     /// Adds other sums of as many elements.
     pub fn merge(&mut self, other: &Self) {
         let others = other.places.iter().zip(&other.digits);

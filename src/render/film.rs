@@ -8,6 +8,7 @@ use crate::math::Rgb;
 use super::done::{Done, range};
 use super::exact::{self, ExactSums};
 use super::eye::{Component, Sample};
+use super::splat::{Splat, Splats};
 
 /// What a film keeps beside the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,6 +37,8 @@ struct Pass {
     pixels: Vec<Pixel>,
     components: Vec<[[f32; 3]; COMPONENTS]>,
     surfaces: Vec<First>,
+    /// What was sent to pixels, where any light was.
+    splats: Option<Splats>,
 }
 
 /// Sums over passes: exact, so that they are the same however passes are grouped.
@@ -131,6 +134,7 @@ impl Film {
             pixels: vec![Pixel::default(); count],
             components: vec![Default::default(); kept],
             surfaces: vec![First::default(); kept],
+            splats: None,
         };
         Film { width, height, layers, shown: [true; COMPONENTS], pass, finished: None, done: Done::default() }
     }
@@ -219,15 +223,23 @@ impl Film {
         }
     }
 
+    /// Adds all that `paths` light paths have sent to the pixels: no more than one splat for each pixel and component. In the
+    /// end, each pixel receives the mean over all paths of the pass.
+    pub(super) fn splat(&mut self, splats: &[Splat], paths: u64) {
+        let pixels = self.pass.pixels.len();
+        let sums = self.pass.splats.get_or_insert_with(|| Splats::new(pixels));
+        sums.add(splats, paths, &self.shown, self.layers.components);
+    }
+
     /// Ends pass number `pass` of `seed`: its means count as one independent estimate.
     pub fn end_pass(&mut self, seed: u64, pass: u32) {
         self.done.insert(seed, pass);
         let (now, count) = (&self.pass, self.pass.pixels.len());
         let Some(finished) = &mut self.finished else { return };
-        finished.means.add(|at| now.pixels[at].mean());
-        finished.squares.add(|at| now.pixels[at].mean().map(|mean| mean * mean));
+        finished.means.add(|at| now.mean(at));
+        finished.squares.add(|at| now.mean(at).map(|mean| mean * mean));
         for (c, sums) in finished.components.iter_mut().enumerate() {
-            if now.components.par_iter().any(|components| components[c] != [0.0; 3]) {
+            if now.holds(c) {
                 sums.get_or_insert_with(|| ExactSums::new(count)).add(|at| now.component(c, at));
             }
         }
@@ -239,6 +251,7 @@ impl Film {
         self.pass.pixels.fill(Pixel::default());
         self.pass.components.fill(Default::default());
         self.pass.surfaces.fill(First::default());
+        self.pass.splats = None;
     }
 
     /// Adds the finished passes of another film.
@@ -298,7 +311,7 @@ impl Film {
     pub fn image(&self) -> Image {
         let pixels = match self.sums() {
             Some((sums, n)) => self.each(|at| sums.means.get(at).map(|sum| (sum / n) as f32)),
-            None => self.each(|at| exact::rounded(self.pass.pixels[at].mean()).map(|mean| mean as f32)),
+            None => self.each(|at| exact::rounded(self.pass.mean(at)).map(|mean| mean as f32)),
         };
         Image { width: self.width as usize, height: self.height as usize, pixels }
     }
@@ -391,9 +404,23 @@ impl Film {
 const CHUNK: usize = 4096;
 
 impl Pass {
+    /// A pixel's mean, of its samples and of what was sent to it.
+    fn mean(&self, at: usize) -> [f64; 3] {
+        let (seen, sent) = (self.pixels[at].mean(), self.splats.as_ref().map_or([0.0; 3], |splats| splats.mean(at)));
+        std::array::from_fn(|c| seen[c] + sent[c])
+    }
+
+    /// Of one component.
     fn component(&self, component: usize, at: usize) -> [f64; 3] {
         let scale = 1.0 / self.pixels[at].samples.max(1) as f64;
-        self.components[at][component].map(|sum| sum as f64 * scale)
+        let sent = self.splats.as_ref().map_or([0.0; 3], |splats| splats.component(component, at));
+        std::array::from_fn(|c| self.components[at][component][c] as f64 * scale + sent[c])
+    }
+
+    /// Whether a component is anything but black.
+    fn holds(&self, component: usize) -> bool {
+        let seen = || self.components.par_iter().any(|components| components[component] != [0.0; 3]);
+        self.splats.as_ref().is_some_and(|splats| splats.holds(component)) || seen()
     }
 }
 

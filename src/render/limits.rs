@@ -6,8 +6,9 @@ use std::time::Duration;
 use super::exact;
 use super::eye::Component;
 use super::film::{Film, Layers};
+use super::splat::Splats;
 use crate::medium::density;
-use crate::scene::description::{Estimate, Kernel, Volume};
+use crate::scene::description::{Estimate, Kernel, Method, Volume};
 use crate::scene::{Scene, Settings};
 use crate::{Error, Result};
 
@@ -74,7 +75,7 @@ impl Limits {
     pub fn film(&self, settings: &Settings, parts: u32) -> Result<Film> {
         let (width, height) = (settings.film.width, settings.film.height);
         let (layers, several) = self.film_of(settings, parts);
-        let bytes = Film::bytes(width, height, layers, several);
+        let bytes = film_bytes(settings, layers, several);
         if bytes > MOST_FILM_BYTES {
             return Err(Error::Limit(format!(
                 "a film of {width} × {height} pixels takes {} of memory, more than {}: render it in parts, or without film.layers",
@@ -99,7 +100,7 @@ impl Limits {
         let parts = self.parts_for_error(settings);
         let Some(memory) = self.memory else { return Ok(parts) };
         let (layers, several) = self.film_of(settings, parts);
-        let film = |several| Film::bytes(settings.film.width, settings.film.height, layers, several);
+        let film = |several| film_bytes(settings, layers, several);
         let fixed = PROGRAM_BYTES + density::bytes(scene.media.iter().map(|medium| &medium.density));
         let each = photon_bytes(scene, &settings.volume);
         let bytes = |parts: u64| fixed + film(several || parts > 1) + photons.div_ceil(parts) * each;
@@ -121,6 +122,13 @@ impl Limits {
         }
         Ok(parts.max(needed as u32))
     }
+}
+
+/// Bytes that the film takes at most.
+fn film_bytes(settings: &Settings, layers: Layers, several: bool) -> u64 {
+    let (width, height) = (settings.film.width, settings.film.height);
+    let splats = if settings.render.method == Method::Light { Splats::bytes(layers.components) } else { 0 };
+    Film::bytes(width, height, layers, several) + width as u64 * height as u64 * splats as u64
 }
 
 /// The most bytes that a volume photon of a scene takes.

@@ -101,6 +101,10 @@ pub(super) fn run(
         let (parts, mib) = (plan.parts, memory as f64 / (1u64 << 20) as f64);
         warnings.push(format!("to stay within {mib:.0} MiB, each pass is made in {parts} parts"));
     }
+    if plan.method == Method::Light {
+        warnings.extend(warnings::pinhole_in_medium(scene, &camera));
+        warnings.extend(warnings::endless_glow(scene, Method::Light));
+    }
     let mut renderer = Renderer { scene, camera, plan, shared, progress, stop, clock, film, stats, warnings };
     let end = renderer.run(limits.passes(settings), limits.target_error);
     let Renderer { film, stats, mut warnings, .. } = renderer;
@@ -202,7 +206,7 @@ impl<P: Progress> Renderer<'_, P> {
     fn pass(&mut self, pass: u32) -> bool {
         let own;
         let maps = match (self.plan.method, self.shared) {
-            (Method::Path, _) => None,
+            (Method::Path | Method::Light, _) => None,
             (Method::Photon, Some(shared)) => Some(shared),
             (Method::Photon, None) => {
                 own = self.maps(pass);
@@ -213,6 +217,8 @@ impl<P: Progress> Renderer<'_, P> {
             Some(Some(VolumeMap::Beams(maps))) => Mode::Gather(maps),
             Some(Some(VolumeMap::Points(maps))) => Mode::March(maps),
             Some(None) => Mode::Pass,
+            // What light paths do not bring: emitters, and what media emit.
+            None if self.plan.method == Method::Light => Mode::Pass,
             None if self.plan.split => Mode::Split,
             None => Mode::Track,
         };
@@ -269,7 +275,7 @@ impl<P: Progress> Renderer<'_, P> {
             self.warnings.extend(warnings::sparse_map(&self.plan, &traced));
         }
         if first {
-            self.warnings.extend(warnings::endless_glow(scene));
+            self.warnings.extend(warnings::endless_glow(scene, Method::Photon));
         }
 
         // Their maps.

@@ -16,7 +16,7 @@ use super::pilot::Pilot;
 /// The decisions.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// Photon mapping or path tracing.
+    /// How the image is computed.
     pub method: Method,
     /// What all random numbers derive from.
     pub seed: u64,
@@ -43,7 +43,7 @@ pub struct Plan {
     /// Parts that each pass is split into: independent, with their share of photons and samples, and all of one
     /// width.
     pub parts: u32,
-    /// Camera samples per pixel and part.
+    /// Camera samples per pixel and part; of [`Method::Light`] as many light paths, too.
     pub samples: u32,
     /// The solids around the camera, where they are the same for all of its lens.
     pub inside: Option<Inside>,
@@ -131,7 +131,7 @@ impl Plan {
             max_events,
             single_scattering: match render.method {
                 Method::Photon => volume.single_scattering,
-                Method::Path => SingleScattering::Photons,
+                Method::Path | Method::Light => SingleScattering::Photons,
             },
             volume_photons: if photons > 0 { (photons / parts as u64).max(1) } else { 0 },
             max_emitted: settings.photons.max_emitted,

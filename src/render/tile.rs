@@ -1,20 +1,22 @@
 //! Samples through the pixels of a tile.
 
 use std::ops::Range;
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use super::camera::Camera;
 use super::clock::Clock;
 use super::eye::{Claim, Context, Eye, EyeSettings, Mode, Path};
 use super::film::Sums;
+use super::light_tracer::{LightTracer, Origin, Sent};
 use super::pass::Renderer;
 use super::plan::Plan;
 use super::progress::Progress;
 use crate::gather::{GatherStats, Queue};
 use crate::math::Stream;
 use crate::scene::Scene;
-use crate::transport::{Parts, Tally};
+use crate::scene::description::Method;
+use crate::transport::{Events, Parts, Tally};
 
 /// Pixels along the edge of a tile, the work of one task.
 const TILE: u32 = 16;
@@ -36,6 +38,7 @@ struct Tile {
 struct Room<'s> {
     queue: Queue<Claim>,
     parts: Parts<'s, Path>,
+    origins: Parts<'s, Origin>,
 }
 
 /// A round of samples of all pixels.
@@ -46,6 +49,8 @@ struct Round<'r, 's> {
     clock: &'r Clock,
     stop: &'r AtomicBool,
     eye: &'r Eye<'s>,
+    /// Who sends light to the pixels, if not all of it is looked for.
+    lamps: Option<&'r LightTracer<'s>>,
     pass: u32,
     samples: Range<u32>,
 }
@@ -55,11 +60,15 @@ impl<P: Progress> Renderer<'_, P> {
     pub(super) fn expose(&mut self, mode: Mode<'_>, pass: u32) {
         let (width, height) = self.camera.size();
         let tiles = width.div_ceil(TILE) * height.div_ceil(TILE);
-        self.progress.phase("render", tiles as u64 * self.plan.samples as u64);
+        // Of light that is sent, camera rays see only what comes straight from an emitter.
+        let sends = self.plan.method == Method::Light;
+        let lamps = sends.then(|| LightTracer::new(self.scene, &self.camera, &self.plan, pass));
+        let tasks = lamps.as_ref().map_or(0, LightTracer::tasks_in_sample);
+        self.progress.phase("render", (u64::from(tiles) + tasks) * self.plan.samples as u64);
         let traced = self.plan.traced.clone();
         let settings = EyeSettings {
             mode,
-            max_events: self.plan.max_events,
+            max_events: if sends { Events::at_most(0) } else { self.plan.max_events },
             single_scattering: self.plan.single_scattering,
             marchers: traced.as_deref(),
         };
@@ -75,23 +84,37 @@ impl<P: Progress> Renderer<'_, P> {
                 clock: &self.clock,
                 stop: self.stop,
                 eye: &eye,
+                lamps: lamps.as_ref(),
                 pass,
                 samples: from..to,
             };
             // Each thread takes the next tile until there is none: the last ones are short of company for no longer
             // than one takes.
-            let next = AtomicU32::new(0);
+            let next = AtomicU64::new(0);
+            let tasks = u64::from(tiles) + tasks * u64::from(to - from);
             let image = Mutex::new((&mut self.film, &mut self.stats));
             let progress = self.progress;
             // Tasks that busy threads do not take find no tile left.
             let work = || {
-                let mut room = Room { queue: Queue::default(), parts: Parts::new() };
+                let mut room = Room { queue: Queue::default(), parts: Parts::new(), origins: Parts::new() };
                 while !round.stopped() {
                     let number = next.fetch_add(1, Ordering::Relaxed);
-                    if number >= tiles {
+                    if number >= tasks {
                         break;
                     }
-                    let tile = round.tile(number, &mut room);
+                    if let Some(sent) =
+                        number.checked_sub(u64::from(tiles)).and_then(|task| round.send(task, &mut room))
+                    {
+                        let mut image = image.lock().unwrap_or_else(PoisonError::into_inner);
+                        let (film, stats) = &mut *image;
+                        film.splat(&sent.splats, sent.paths);
+                        stats.emitted += sent.paths;
+                        stats.tally = stats.tally.merge(sent.tally);
+                        drop(image);
+                        progress.advance(1);
+                        continue;
+                    }
+                    let tile = round.tile(number as u32, &mut room);
                     let mut image = image.lock().unwrap_or_else(PoisonError::into_inner);
                     let (film, stats) = &mut *image;
                     tile.sums.iter().for_each(|(x, y, sum)| film.add(*x, *y, sum));
@@ -111,6 +134,13 @@ impl<P: Progress> Renderer<'_, P> {
 impl<'s> Round<'_, 's> {
     fn stopped(&self) -> bool {
         self.stop.load(Ordering::Relaxed) || self.clock.ends_samples()
+    }
+
+    /// Sends the light of a task, if any is sent.
+    fn send(&self, task: u64, room: &mut Room<'s>) -> Option<Sent> {
+        let lamps = self.lamps?;
+        let sample = self.samples.start + (task / lamps.tasks_in_sample()) as u32;
+        Some(lamps.trace((sample, task % lamps.tasks_in_sample()), &mut room.origins))
     }
 
     /// Samples the pixels of a tile.
@@ -156,7 +186,7 @@ impl<'s> Round<'_, 's> {
             let inside = plan.inside.clone().unwrap_or_else(|| scene.inside(ray.origin));
             let index = done.sums.len() as u32;
             let tally = &mut done.tally;
-            let Room { queue, parts } = &mut *room;
+            let Room { queue, parts, .. } = &mut *room;
             let mut context = Context { stream: &mut stream, queue, pixel: index, tally, parts };
             sum.add(&eye.look(ray, inside, &mut context));
         }

@@ -1,10 +1,12 @@
 //! What a user should know of a render.
 
+use super::camera::Camera;
 use super::eye::BRIGHTEST;
 use super::maps::medium_of;
 use super::plan::Plan;
 use crate::photon::{Radii, Traced};
 use crate::scene::Scene;
+use crate::scene::description::Method;
 use crate::transport::{SAFETY_STOP, Tally};
 
 /// Whether the map is too thin to be trusted.
@@ -26,14 +28,27 @@ pub(super) fn sparse_map(plan: &Plan, traced: &Traced) -> Option<String> {
     }
 }
 
-/// Whether a glowing medium has no end: photons of a glow start in a box around it.
-pub(super) fn endless_glow(scene: &Scene) -> Option<String> {
+/// Whether light paths are connected to a point within a medium: what a collision at distance d sends there grows with 1/d²,
+/// and its square is not integrable.
+pub(super) fn pinhole_in_medium(scene: &Scene, camera: &Camera) -> Option<String> {
+    let medium = &scene.media[scene.medium(&scene.inside(camera.position))? as usize];
+    (camera.aperture() == 0.0 && medium.scatters()).then(|| {
+        format!(
+            "the camera is a pinhole in medium {}: by method \"light\" its picture has infinite variance, however many paths are traced; give it an aperture, put it outside, or use method \"path\"",
+            medium.name
+        )
+    })
+}
+
+/// Whether a glowing medium has no end: photons and light paths of a glow start in a box around it.
+pub(super) fn endless_glow(scene: &Scene, method: Method) -> Option<String> {
     let medium = &scene.media[scene.world? as usize];
     let endless = medium.glows() && medium.scatters() && !medium.density.support().size().is_finite();
     endless.then(|| {
         format!(
-            "medium {} glows and has no end: of its light, method \"photon\" leaves out what is scattered; put it into a shape, or use method \"path\"",
-            medium.name
+            "medium {} glows and has no end: of its light, method \"{}\" leaves out what is scattered; put it into a shape, or use method \"path\"",
+            medium.name,
+            method.name()
         )
     })
 }

@@ -249,7 +249,7 @@ fn world(table: &Table, names: &Names) -> Read<World> {
 
 fn render(table: &Table) -> Read<Render> {
     let method = table.get_or("method", Method::Photon, |item| {
-        item.choice(&[("photon", Method::Photon), ("path", Method::Path)], &[])
+        item.choice(&[Method::Photon, Method::Path, Method::Light].map(|method| (method.name(), method)), &[])
     });
     let samples = table.get_or("samples", 16, |item| item.u32(1));
     let passes = table.get_or("passes", 1, |item| item.u32(1));

@@ -49,7 +49,7 @@ impl Component {
 
     /// The component of light that a path finds which had so many events, the `first` of that kind: `straight` from a light, or
     /// from a glowing medium.
-    pub(super) fn of(first: Option<First>, events: u64, straight: bool) -> Component {
+    pub(in crate::render) fn of(first: Option<First>, events: u64, straight: bool) -> Component {
         match (first, events) {
             (None, _) if straight => Component::Emission,
             (None, _) => Component::VolumeEmission,
@@ -64,7 +64,7 @@ impl Component {
 
 /// The kind of a path's first event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum First {
+pub(in crate::render) enum First {
     /// At a surface that reflects diffusely.
     Diffuse,
     /// At a mirror or a refracting boundary.

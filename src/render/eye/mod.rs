@@ -28,7 +28,7 @@ use crate::transport::{
     Collision, Crossing, Events, Glows, Heading, Interaction, Landing, Luggage, Part, Parts, Segment, Tally, Traveller,
     Turn, Vertex, Walk, travel,
 };
-use component::First;
+pub(super) use component::First;
 
 /// How media are dealt with.
 #[derive(Clone, Copy)]

@@ -48,7 +48,7 @@ pub enum ToneMap {
 pub struct Render {
     /// How the image is computed.
     pub method: Method,
-    /// Camera samples per pixel and pass, at least 1.
+    /// Camera samples per pixel and pass, at least 1; of [`Method::Light`] as many light paths, too.
     pub samples: u32,
     /// Passes, each with fresh photons in narrower discs, at least 1.
     pub passes: u32,
@@ -66,6 +66,19 @@ pub enum Method {
     Photon,
     /// The unbiased path tracer.
     Path,
+    /// The unbiased light tracer: paths from the lights, connected to the camera.
+    Light,
+}
+
+impl Method {
+    /// What a scene file calls it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Method::Photon => "photon",
+            Method::Path => "path",
+            Method::Light => "light",
+        }
+    }
 }
 
 /// `[photons]`: how many photons are traced and kept.

@@ -13,6 +13,7 @@ pub(super) fn warnings(scene: &Description) -> Vec<String> {
     light_from_infinity(scene, &mut warnings);
     shapes_without_effect(scene, &mut warnings);
     lights_without_size(scene, &mut warnings);
+    unseen_by_light_tracing(scene, &mut warnings);
     warnings
 }
 
@@ -128,6 +129,26 @@ fn lights_without_size(scene: &Description, warnings: &mut Vec<String>) {
         some(&lights),
         some(&solids),
     ));
+}
+
+/// Light paths find no camera by way of mirrors and smooth boundaries.
+fn unseen_by_light_tracing(scene: &Description, warnings: &mut Vec<String>) {
+    if scene.render.method != Method::Light {
+        return;
+    }
+    let is_smooth = |material: Material| match material {
+        Material::Dielectric(dielectric) => dielectric.roughness == 0.0 && hides_lights(material),
+        material => hides_lights(material),
+    };
+    let hides = |shape: &&Shape| shape.visible && is_smooth(scene.materials[shape.material.value].kind);
+    let shapes: Vec<&str> = scene.shapes.iter().filter(hides).map(|shape| shape.place.key()).collect();
+    if !shapes.is_empty() {
+        warnings.push(format!(
+            "{}: method \"light\" does not see what {} mirror or refract towards the camera: they look black",
+            scene.path.display(),
+            some(&shapes),
+        ));
+    }
 }
 
 /// Whether lights by way of this material are found only by hitting them.
