@@ -104,7 +104,8 @@ fn threads_change_nothing() {
             assert!(bits(&one) == bits(&other), "{method}, {estimate}: {threads} threads");
         }
         let other = image(2, 8);
-        let same = one.pixels.iter().zip(&other.pixels).filter(|(a, b)| a == b).count();
+        // Pixels that no light path has met are black by every seed.
+        let same = one.pixels.iter().zip(&other.pixels).filter(|(a, b)| a == b && **a != [0.0; 3]).count();
         assert!(same < one.pixels.len() / 20, "{method}, {estimate}: another seed left {same} pixels as they were");
         assert!(one.mean() > 0.0);
     }

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! with T what passes on the way, h the pixel's filter at the place x of the film where p is seen, s the edge of a
-//! pixel on a film at distance 1, and θ′ the angle to the axis (Dutré, Lafortune and Willems 1993; Veach 1997, §10.3). It is
+//! pixel on a film at distance 1, and θ′ the angle to the axis (Veach 1997, §4.7 and §10.3). It is
 //! unbiased, and finds caustics as photons do. It does not find what is seen through smooth glass or in mirrors, which send
 //! nothing towards a given point. Emitters and the sky, seen directly, are left to camera rays.
 
