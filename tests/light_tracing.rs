@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use volpm::image::LayerData;
 use volpm::render::Film;
 
-use crate::support::{Estimate, render};
+use crate::support::{Estimate, built, render};
 
 /// Independent renders by each method.
 const SEEDS: u32 = 32;
@@ -331,4 +331,23 @@ material = "white"
 #[test]
 fn a_glowing_cloud() {
     compare("glow", GLOW, &[], (128, 192), 0.005);
+}
+
+/// What it cannot see, and what it will never know, is said by name; a rough ball and a lens are no such things.
+#[test]
+fn what_it_does_not_see_is_said() {
+    let said = |overrides: &[&str]| {
+        let few = ["film.width=2", "film.height=2", "render.samples=1"];
+        let all: Vec<&str> = few.into_iter().chain(overrides.iter().copied()).collect();
+        let mut warnings = built(GLASS, &all).0.warnings;
+        warnings.extend(render(GLASS, &all).warnings);
+        warnings.join("\n")
+    };
+    let light = said(&["render.method=light", "world.medium=\"fog\"", "camera.aperture=0"]);
+    assert!(light.contains("does not see what shapes.1 mirror or refract"), "{light}");
+    assert!(light.contains("a pinhole in medium fog"), "{light}");
+    let lens = said(&["render.method=light", "world.medium=\"fog\"", "materials.glass.roughness=0.1"]);
+    assert!(!lens.contains("does not see") && !lens.contains("pinhole"), "{lens}");
+    let path = said(&["render.method=path", "world.medium=\"fog\"", "camera.aperture=0"]);
+    assert!(!path.contains("does not see") && !path.contains("pinhole"), "{path}");
 }
