@@ -211,7 +211,12 @@ impl Geometry {
     }
 
     /// Calls `visit` with the ids of shapes whose box contains `p`, and a few more.
-    pub fn boxes_around(&self, p: DVec3, mut visit: impl FnMut(u32)) {
-        self.tree.overlapping(&Bounds { min: p, max: p }, |i| visit(self.tree.order()[i as usize]));
+    pub fn boxes_around(&self, p: DVec3, visit: impl FnMut(u32)) {
+        self.boxes_overlapping(&Bounds { min: p, max: p }, visit);
+    }
+
+    /// Calls `visit` with the ids of shapes whose box overlaps this one, and a few more.
+    pub fn boxes_overlapping(&self, bounds: &Bounds, mut visit: impl FnMut(u32)) {
+        self.tree.overlapping(bounds, |i| visit(self.tree.order()[i as usize]));
     }
 }

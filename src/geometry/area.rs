@@ -1,9 +1,25 @@
-//! Points drawn on surfaces: by area, or for the light they send to another point.
+//! Points drawn on surfaces, or on one triangle of a mesh: by area, or for the light they send to another point.
 
 use std::f64::consts::TAU;
 
-use super::{Geometry, Placed};
+use super::{Geometry, Placed, Shape};
 use crate::math::{DVec3, Frame, sampling};
+
+/// What points are drawn on: a shape, or a triangle of a mesh.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Patch {
+    /// The placed shape.
+    pub shape: u32,
+    /// The triangle, where it is not all of the shape: what [`Hit::primitive`](super::Hit::primitive) counts.
+    pub triangle: Option<u32>,
+}
+
+impl From<u32> for Patch {
+    /// All of a shape.
+    fn from(shape: u32) -> Self {
+        Patch { shape, triangle: None }
+    }
+}
 
 /// A point drawn on a surface.
 #[derive(Clone, Copy, Debug)]
@@ -37,27 +53,49 @@ impl Geometry {
         self.placed[id as usize].area()
     }
 
-    /// A point on a shape. Uniform by world area for quads, disks, boxes and under similarity
+    /// The triangles of a mesh; `None` for other shapes.
+    pub fn triangles(&self, id: u32) -> Option<u32> {
+        match self.placed[id as usize].shape() {
+            Shape::Mesh(mesh) => Some(mesh.triangle_count() as u32),
+            _ => None,
+        }
+    }
+
+    /// The corners of a triangle of a mesh, in the world, and its outward unit normal.
+    pub fn triangle(&self, id: u32, triangle: u32) -> Option<([DVec3; 3], DVec3)> {
+        self.placed[id as usize].triangle(triangle)
+    }
+
+    /// A point on a patch. Uniform by world area for triangles, quads, disks, boxes and under similarity
     /// transforms; otherwise uniform by area in object space, which `pdf` accounts for.
-    pub fn sample_area(&self, id: u32, u: [f64; 2]) -> AreaSample {
-        let (point, normal, pdf) = self.placed[id as usize].sample_area(u);
+    pub fn sample_area(&self, patch: impl Into<Patch>, u: [f64; 2]) -> AreaSample {
+        let Patch { shape, triangle } = patch.into();
+        if let Some((corners, normal)) = triangle.and_then(|triangle| self.triangle(shape, triangle)) {
+            return AreaSample { point: point_in(corners, u), normal, pdf: area_of(corners).recip() };
+        }
+        let (point, normal, pdf) = self.placed[shape as usize].sample_area(u);
         AreaSample { point, normal, pdf }
     }
 
     /// The density, per world area, with which [`Geometry::sample_area`] draws a point whose unit normal is `normal`.
-    pub fn pdf_area(&self, id: u32, normal: DVec3) -> f64 {
-        self.placed[id as usize].pdf_area(normal)
+    pub fn pdf_area(&self, patch: impl Into<Patch>, normal: DVec3) -> f64 {
+        let Patch { shape, triangle } = patch.into();
+        match triangle.and_then(|triangle| self.triangle(shape, triangle)) {
+            Some((corners, _)) => area_of(corners).recip(),
+            None => self.placed[shape as usize].pdf_area(normal),
+        }
     }
 
-    /// A point on a shape for the light it sends towards `from`: for what is a sphere in the world, seen
+    /// A point on a patch for the light it sends towards `from`: for what is a sphere in the world, seen
     /// from outside, uniform in the cone it subtends (Shirley, Wang and Zimmerman 1996); else
     /// [`Geometry::sample_area`] with its density per solid angle, d²/|cos θ| times that per area. `None`
     /// when the point drawn is seen edge-on or coincides with `from`.
-    pub fn sample_toward(&self, id: u32, from: DVec3, u: [f64; 2]) -> Option<DirectionSample> {
-        if let Some(cone) = Seen::of(&self.placed[id as usize], from) {
+    pub fn sample_toward(&self, patch: impl Into<Patch>, from: DVec3, u: [f64; 2]) -> Option<DirectionSample> {
+        let patch = patch.into();
+        if let Some(cone) = Seen::of(&self.placed[patch.shape as usize], from) {
             return Some(cone.sample(from, u));
         }
-        let AreaSample { point, normal, pdf } = self.sample_area(id, u);
+        let AreaSample { point, normal, pdf } = self.sample_area(patch, u);
         let distance = point.distance(from);
         let direction = (point - from) / distance;
         let pdf = pdf * distance * distance / direction.dot(normal).abs();
@@ -72,14 +110,33 @@ impl Geometry {
 
     /// The density, per solid angle at `from`, with which [`Geometry::sample_toward`] draws the point that lies so far
     /// in `direction` and has this unit normal; 0 for the far side of a sphere seen from outside.
-    pub fn pdf_toward(&self, id: u32, from: DVec3, direction: DVec3, distance: f64, normal: DVec3) -> f64 {
+    pub fn pdf_toward(
+        &self,
+        patch: impl Into<Patch>,
+        from: DVec3,
+        direction: DVec3,
+        distance: f64,
+        normal: DVec3,
+    ) -> f64 {
+        let patch = patch.into();
         let cosine = direction.dot(normal);
-        if let Some(cone) = Seen::of(&self.placed[id as usize], from) {
+        if let Some(cone) = Seen::of(&self.placed[patch.shape as usize], from) {
             return if cosine <= 0.0 { cone.pdf() } else { 0.0 };
         }
-        let pdf = self.pdf_area(id, normal) * distance * distance / cosine.abs();
+        let pdf = self.pdf_area(patch, normal) * distance * distance / cosine.abs();
         if pdf.is_finite() { pdf } else { 0.0 }
     }
+}
+
+/// The area of a triangle.
+pub(crate) fn area_of([a, b, c]: [DVec3; 3]) -> f64 {
+    0.5 * (b - a).cross(c - a).length()
+}
+
+/// A point of a triangle, uniform by area.
+pub(super) fn point_in([a, b, c]: [DVec3; 3], [u, v]: [f64; 2]) -> DVec3 {
+    let r = u.sqrt();
+    a + r * (1.0 - v) * (b - a) + r * v * (c - a)
 }
 
 /// The cone under which a sphere is seen from a point outside.

@@ -1,3 +1,4 @@
+use super::area::{area_of, point_in};
 use super::face::Face;
 use super::facing::Facing;
 use super::tree::{Children, Search, Tree};
@@ -380,15 +381,10 @@ impl Mesh {
 
     /// A triangle by area, a point in it, and the weights of its second and third corner.
     pub(super) fn sample(&self, [u, v]: [f64; 2]) -> (DVec3, u32) {
-        let area = |triangle: u32| {
-            let [a, b, c] = self.corners(triangle);
-            0.5 * (b - a).cross(c - a).length()
-        };
+        let area = |triangle: u32| area_of(self.corners(triangle));
         let areas = self.areas.get_or_init(|| Distribution::new((0..self.triangles.count() as u32).map(area)));
         let (index, u) = areas.choose(u).map_or((0, u), |choice| (choice.index as u32, choice.rest));
-        let [a, b, c] = self.corners(index);
-        let r = u.sqrt();
-        (a + r * (1.0 - v) * (b - a) + r * v * (c - a), index)
+        (point_in(self.corners(index), [u, v]), index)
     }
 
     /// Distance, triangle and place of the point closest to `p`, if it is nearer than `limit`.

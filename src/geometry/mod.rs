@@ -30,7 +30,8 @@ mod tree;
 mod triangles;
 
 pub use all::Geometry;
-pub use area::{AreaSample, DirectionSample};
+pub(crate) use area::area_of;
+pub use area::{AreaSample, DirectionSample, Patch};
 pub use cuboid::Cuboid;
 pub use cylinder::Cylinder;
 pub use disk::Disk;

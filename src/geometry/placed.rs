@@ -110,6 +110,13 @@ impl Placed {
         self.bounds
     }
 
+    /// The corners of a triangle in the world, and its outward unit normal there; of a mesh.
+    pub(super) fn triangle(&self, triangle: u32) -> Option<([DVec3; 3], DVec3)> {
+        let Shape::Mesh(mesh) = &self.shape else { return None };
+        let corners = mesh.corners(triangle).map(|corner| self.to_world.transform_point3(corner));
+        Some((corners, self.normal_to_world(mesh.normal(triangle))))
+    }
+
     pub(super) fn area(&self) -> f64 {
         self.area
     }
