@@ -1,5 +1,5 @@
 use super::{Arrival, Departure, DrawnFrom, SoftCone};
-use crate::geometry::Geometry;
+use crate::geometry::{AreaSample, Geometry, Patch};
 use crate::math::{Bounds, DVec3, Frame, Ray, Rgb, Stream, error_bound, sampling};
 use std::f64::consts::PI;
 
@@ -130,7 +130,18 @@ impl Area {
         (distance > 0.0 && aside <= self.radius).then_some(distance)
     }
 
-    pub(super) fn arrive(&self, geometry: &Geometry, p: DVec3, stream: &mut Stream) -> Option<Arrival> {
+    /// What light is asked of: all of the shape, or a triangle.
+    fn patch(&self, triangle: Option<u32>) -> Patch {
+        Patch { shape: self.shape, triangle }
+    }
+
+    pub(super) fn arrive(
+        &self,
+        geometry: &Geometry,
+        triangle: Option<u32>,
+        p: DVec3,
+        stream: &mut Stream,
+    ) -> Option<Arrival> {
         if let Directivity::Beam(radiance, cone) = self.profile {
             let travel = cone.sample(stream.uniform2());
             let distance = self.toward_disc(p, travel, cone.axis)?;
@@ -138,7 +149,7 @@ impl Area {
             let normal = cone.axis;
             return Some(Arrival { direction: -travel, distance, radiance, density, has_size: true, normal });
         }
-        let sample = geometry.sample_toward(self.shape, p, stream.uniform2())?;
+        let sample = geometry.sample_toward(self.patch(triangle), p, stream.uniform2())?;
         let radiance = self.radiance(sample.normal, -sample.direction);
         (radiance.max_element() > 0.0).then_some(Arrival {
             direction: sample.direction,
@@ -150,13 +161,30 @@ impl Area {
         })
     }
 
-    /// The density per steradian at `from` with which [`super::Light::arrive`] draws `direction`, in which the shape is
-    /// so far away and has this unit normal.
-    pub fn density(&self, geometry: &Geometry, from: DVec3, direction: DVec3, distance: f64, normal: DVec3) -> f64 {
+    /// The density per steradian at `from` with which [`super::Light::arrive`] draws `direction`, in which the shape, or this
+    /// triangle, is so far away and has this unit normal.
+    pub fn density(
+        &self,
+        geometry: &Geometry,
+        triangle: Option<u32>,
+        from: DVec3,
+        (direction, distance): (DVec3, f64),
+        normal: DVec3,
+    ) -> f64 {
         match self.profile {
             Directivity::Beam(_, cone) => 1.0 / cone.outer_solid_angle(),
-            _ => geometry.pdf_toward(self.shape, from, direction, distance, normal),
+            _ => geometry.pdf_toward(self.patch(triangle), from, direction, distance, normal),
         }
+    }
+
+    /// A point drawn by area, from all of the shape or a triangle.
+    pub fn sample(&self, geometry: &Geometry, triangle: Option<u32>, u: [f64; 2]) -> AreaSample {
+        geometry.sample_area(self.patch(triangle), u)
+    }
+
+    /// The density per area with which [`Area::sample`] draws a point that has this unit normal.
+    pub fn pdf(&self, geometry: &Geometry, triangle: Option<u32>, normal: DVec3) -> f64 {
+        geometry.pdf_area(self.patch(triangle), normal)
     }
 
     pub(super) fn depart(&self, geometry: &Geometry, stream: &mut Stream) -> Option<Departure> {

@@ -3,16 +3,25 @@
 //! Lights of no size, and lights at infinity, are not part of the geometry. Everything else that
 //! shines is a shape that rays can meet: emissive shapes, spheres for point lights with a radius, and
 //! discs, which emit but block nothing, for spot lights and bounded beams with a size.
+//!
+//! Which of them is asked for light is a choice by what each may bring: one by one where they are few, by a tree over
+//! [`Emitters`] where they are many. A mesh that shines takes part by its triangles then.
 
 mod area;
 mod directional;
+mod emitters;
 mod environment;
+mod extent;
+mod lanes;
 mod point;
 mod spot;
+mod tree;
 
 pub use area::{Area, Directivity, Sides};
 pub use directional::Directional;
 pub(crate) use directional::cone_radiance;
+pub(crate) use emitters::Along;
+pub use emitters::{Emitter, Emitters};
 pub use environment::Environment;
 pub use point::Point;
 pub use spot::{SoftCone, Spot};
@@ -109,14 +118,14 @@ impl Light {
         }
     }
 
-    /// Light that could arrive at `p`.
-    pub fn arrive(&self, geometry: &Geometry, p: DVec3, stream: &mut Stream) -> Option<Arrival> {
+    /// Light that could arrive at `p`; of a mesh from this triangle, or from anywhere.
+    pub fn arrive(&self, geometry: &Geometry, triangle: Option<u32>, p: DVec3, stream: &mut Stream) -> Option<Arrival> {
         match self {
             Light::Point(light) => light.arrive(p),
             Light::Spot(light) => light.arrive(p),
             Light::Directional(light) => light.arrive(p, stream),
             Light::Environment(light) => light.arrive(stream),
-            Light::Area(light) => light.arrive(geometry, p, stream),
+            Light::Area(light) => light.arrive(geometry, triangle, p, stream),
         }
     }
 
@@ -155,6 +164,16 @@ impl Light {
             Light::Environment(_) => true,
             Light::Directional(light) => light.beam.is_none(),
             _ => false,
+        }
+    }
+
+    /// Whether its light thins with the square of the distance, however narrow its cone: not that from infinity, nor that of
+    /// beams.
+    fn thins(&self) -> bool {
+        match self {
+            Light::Point(_) | Light::Spot(_) => true,
+            Light::Area(light) => !matches!(light.profile, Directivity::Beam(..)),
+            Light::Directional(_) | Light::Environment(_) => false,
         }
     }
 

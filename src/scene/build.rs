@@ -14,7 +14,7 @@ use super::world::{Scene, Solid, Surface};
 use super::{Glow, Settings};
 use crate::geometry::{Cuboid, Cylinder, Disk, Geometry, Lathe, Mesh, Placed, Quad, Shape, Sphere};
 use crate::image::Image;
-use crate::light::{Area, Directivity, Light, Sides, Surroundings};
+use crate::light::{Area, Directivity, Emitters, Light, Sides, Surroundings};
 use crate::math::{Bounds, DAffine3, DVec3, Rgb};
 use crate::medium::black_body::BlackBody;
 use crate::medium::density::bricks::{BrickGrid, Interpolation, NegativePolicy};
@@ -435,6 +435,7 @@ impl<'d> Builder<'d> {
             regions: 1,
             media: self.media,
             lights: self.lights,
+            emitters: Emitters::default(),
             glows: Vec::new(),
             surroundings: Surroundings { center: DVec3::ZERO, radius: 0.0 },
             center: self.center,
@@ -443,6 +444,7 @@ impl<'d> Builder<'d> {
         regions::join_regions(&mut scene);
         scene.surroundings = regions::surroundings(&scene);
         regions::darken_infinity(&mut scene);
+        scene.emitters = Emitters::new(&scene.lights, &scene.geometry);
         scene.glows = glows(&scene);
         Ok(scene)
     }

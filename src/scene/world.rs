@@ -5,8 +5,8 @@ use smallvec::SmallVec;
 use super::Glow;
 use super::description::Camera;
 use crate::geometry::{Cluster, Geometry};
-use crate::light::{Light, Surroundings};
-use crate::math::{Bounds, DVec3, Rgb, Stream, choose};
+use crate::light::{Emitter, Emitters, Light, Surroundings};
+use crate::math::{Bounds, DVec3, Rgb, Stream};
 use crate::medium::Medium;
 use crate::surface::{Material, Paint};
 
@@ -33,6 +33,8 @@ pub struct Scene {
     pub media: Vec<Medium>,
     /// All lights, but for glowing media.
     pub lights: Vec<Light>,
+    /// What is asked for light: lights, or triangles of them.
+    pub emitters: Emitters,
     /// The glowing media that have an end, as lights.
     pub glows: Vec<Glow>,
     /// What light from infinity can reach.
@@ -190,27 +192,17 @@ impl Scene {
         after
     }
 
-    /// Draws a light for a point: its index and the probability it was drawn with, by how much light each
+    /// Draws a light for a point, or a triangle of one, and the probability it was drawn with, by how much light each
     /// might send there.
-    pub fn choose_light(&self, p: DVec3, stream: &mut Stream) -> Option<(u32, f64)> {
-        if let [_] = self.lights[..] {
-            return Some((0, 1.0));
-        }
-        let total: f64 = self.lights.iter().map(|light| light.importance(p)).sum();
-        if total.is_nan() || total <= 0.0 {
-            return None;
-        }
-        let importances = self.lights.iter().map(|light| light.importance(p));
-        choose(importances, total, stream.uniform()).map(|choice| (choice.index as u32, choice.probability))
+    #[inline]
+    pub fn choose_light(&self, p: DVec3, stream: &mut Stream) -> Option<(Emitter, f64)> {
+        self.emitters.draw(&self.lights, p, || stream.uniform())
     }
 
-    /// The probability with which [`Scene::choose_light`] draws light `index` for `p`.
-    pub fn light_choice(&self, index: u32, p: DVec3) -> f64 {
-        if let [_] = self.lights[..] {
-            return 1.0;
-        }
-        let total: f64 = self.lights.iter().map(|light| light.importance(p)).sum();
-        if total > 0.0 { self.lights[index as usize].importance(p) / total } else { 0.0 }
+    /// The probability with which [`Scene::choose_light`] draws this emitter for `p`.
+    #[inline]
+    pub fn light_choice(&self, emitter: Emitter, p: DVec3) -> f64 {
+        self.emitters.probability(&self.lights, emitter, p)
     }
 
     /// A box around all that the camera can see at a finite distance: surfaces, bounded media, lights of
@@ -302,7 +294,7 @@ radius = 1.5
             for light in &scene.lights {
                 const N: usize = 2000;
                 let arriving = |stream: &mut Stream| {
-                    let arrival = light.arrive(&scene.geometry, p, stream);
+                    let arrival = light.arrive(&scene.geometry, None, p, stream);
                     arrival.map_or(0.0, |arrival| arrival.radiance.element_sum() / arrival.density)
                 };
                 let irradiance = (0..N).map(|_| arriving(&mut stream)).sum::<f64>() / N as f64;

@@ -10,7 +10,7 @@ use super::balance::balance;
 use super::equiangular::{Draw, Landing};
 use super::glow::{Glows, Rival};
 use super::segment::Crossing;
-use crate::light::{Arrival, Light};
+use crate::light::{Arrival, Emitter, Light};
 use crate::math::random::Dimension;
 use crate::math::{DVec3, Rgb, Stream};
 use crate::scene::Scene;
@@ -18,8 +18,8 @@ use crate::scene::Scene;
 /// A light that a point was told to ask, and what might arrive from it.
 #[derive(Clone, Copy, Debug)]
 pub struct Asked {
-    /// The light: an index into [`Scene::lights`].
-    pub light: u32,
+    /// The light, or a triangle of it.
+    pub emitter: Emitter,
     /// What arrives if nothing is in its way.
     pub arrival: Arrival,
     /// The density per steradian with which the light and the direction were drawn; the probability of the light if it has
@@ -30,10 +30,11 @@ pub struct Asked {
 impl Asked {
     /// Draws a light for a point, and a place on it. `None` where nothing would arrive.
     pub fn draw(scene: &Scene, point: DVec3, stream: &mut Stream) -> Option<Asked> {
-        let (light, choice) = stream.draw(Dimension::LightChoice, |stream| scene.choose_light(point, stream))?;
-        let arrive = |stream: &mut Stream| scene.lights[light as usize].arrive(&scene.geometry, point, stream);
+        let (emitter, choice) = stream.draw(Dimension::LightChoice, |stream| scene.choose_light(point, stream))?;
+        let light = &scene.lights[emitter.light as usize];
+        let arrive = |stream: &mut Stream| light.arrive(&scene.geometry, emitter.triangle, point, stream);
         let arrival = stream.draw(Dimension::Light, arrive)?;
-        Some(Asked { light, arrival, density: choice * arrival.density })
+        Some(Asked { emitter, arrival, density: choice * arrival.density })
     }
 
     /// The radiance to be multiplied by a vertex's value: its part by the balance heuristic over the density it was drawn with, which
@@ -98,7 +99,8 @@ impl Turn {
             Turn::Specular => 1.0,
             Turn::Surface { point, density, .. } | Turn::Medium { point, density, .. } => {
                 let light = &scene.lights[index as usize];
-                balance(*density, scene.light_choice(index, *point) * light.escaping_density(direction))
+                let emitter = Emitter { light: index, triangle: None };
+                balance(*density, scene.light_choice(emitter, *point) * light.escaping_density(direction))
             }
         }
     }
@@ -118,9 +120,10 @@ impl Turn {
 /// which starts there and meets the light's surface.
 fn density_of_crossing(scene: &Scene, crossing: &Crossing<'_>, from: DVec3) -> f64 {
     let Light::Area(area) = &scene.lights[crossing.light as usize] else { return 0.0 };
-    let choice = scene.light_choice(crossing.light, from);
-    let (direction, hit) = (crossing.ray.direction, crossing.hit);
-    if choice > 0.0 { choice * area.density(&scene.geometry, from, direction, hit.t, hit.normal) } else { 0.0 }
+    let emitter = scene.emitters.at(crossing.light, crossing.hit);
+    let choice = scene.light_choice(emitter, from);
+    let (way, normal) = ((crossing.ray.direction, crossing.hit.t), crossing.hit.normal);
+    if choice > 0.0 { choice * area.density(&scene.geometry, emitter.triangle, from, way, normal) } else { 0.0 }
 }
 
 #[cfg(test)]

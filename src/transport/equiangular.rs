@@ -3,7 +3,7 @@
 
 use super::flight;
 use super::segment::{Crossing, Segment};
-use crate::light::{Arrival, Directivity, Light};
+use crate::light::{Along, Arrival, Directivity, Emitter, Light};
 use crate::math::{DVec3, Ray, Rgb, Stream, choose, shares};
 use crate::medium::Medium;
 use crate::scene::Scene;
@@ -30,8 +30,8 @@ pub struct Flight {
 pub struct Draw {
     /// The parameter on the ray.
     pub t: f64,
-    /// The light: an index into [`Scene::lights`].
-    pub light: u32,
+    /// The light, or a triangle of it.
+    pub emitter: Emitter,
     /// The light that could arrive there, with the density with which it would be asked for there.
     pub arrival: Arrival,
     /// The density of the draw per length, and per steradian if the light has a size.
@@ -115,9 +115,34 @@ impl Flight {
         (angle > 0.0 && t.is_finite()).then(|| (t, seen.density(t)))
     }
 
-    /// The chance with which [`draw`] chooses a light.
-    fn choice(&self, scene: &Scene, index: u32) -> f64 {
-        let importance = self.importance(&scene.lights[index as usize]);
+    /// What chooses for it, where there are many emitters.
+    fn among_many<'s>(&self, scene: &'s Scene) -> Option<Along<'s>> {
+        scene.emitters.along(&self.ray, (self.a, self.b), self.reach)
+    }
+
+    /// Chooses a light, with the probability of that.
+    fn choose(&self, scene: &Scene, stream: &mut Stream) -> Option<(Emitter, f64)> {
+        if let Some(many) = self.among_many(scene) {
+            return many.draw(stream.uniform());
+        }
+        let total = self.total_importance(scene);
+        if total.is_nan() || total <= 0.0 {
+            return None;
+        }
+        if scene.lights.len() == 1 {
+            return Some((Emitter { light: 0, triangle: None }, 1.0));
+        }
+        let importances = scene.lights.iter().map(|light| self.importance(light));
+        let choice = choose(importances, total, stream.uniform())?;
+        Some((Emitter { light: choice.index as u32, triangle: None }, choice.probability))
+    }
+
+    /// The probability with which [`Flight::choose`] chooses this one.
+    fn choice(&self, scene: &Scene, emitter: Emitter) -> f64 {
+        if let Some(many) = self.among_many(scene) {
+            return many.probability(emitter);
+        }
+        let importance = self.importance(&scene.lights[emitter.light as usize]);
         if importance > 0.0 && scene.lights.len() > 1 {
             importance / self.total_importance(scene)
         } else if importance > 0.0 {
@@ -158,26 +183,19 @@ fn mean_free_path(medium: &Medium) -> f64 {
 pub fn matters(scene: &Scene, medium: &Medium, ray: &Ray) -> bool {
     let (a, b, weight) = (0.0, f64::INFINITY, Rgb::ONE);
     let flight = Flight { ray: *ray, a, b, weight, chance: 1.0, reach: mean_free_path(medium) };
-    scene.lights.iter().any(|light| flight.importance(light) > 0.0)
+    scene
+        .emitters
+        .are_any_along(ray, (a, b), flight.reach)
+        .unwrap_or_else(|| scene.lights.iter().any(|light| flight.importance(light) > 0.0))
 }
 
 /// Draws a light, a point on it, and a distance on the segment for them.
 pub fn draw(scene: &Scene, flight: &Flight, stream: &mut Stream) -> Option<Draw> {
-    let total = flight.total_importance(scene);
-    if total.is_nan() || total <= 0.0 {
-        return None;
-    }
-    let (index, choice) = if scene.lights.len() == 1 {
-        (0, 1.0)
-    } else {
-        let importances = scene.lights.iter().map(|light| flight.importance(light));
-        let choice = choose(importances, total, stream.uniform())?;
-        (choice.index, choice.probability)
-    };
-    let light = &scene.lights[index];
+    let (emitter, choice) = flight.choose(scene, stream)?;
+    let light = &scene.lights[emitter.light as usize];
     match light {
         Light::Area(area) => {
-            let sample = scene.geometry.sample_area(area.shape, stream.uniform2());
+            let sample = area.sample(&scene.geometry, emitter.triangle, stream.uniform2());
             let (t, per_length) = flight.draw_distance(sample.point, stream.uniform())?;
             let from = flight.ray.at(t);
             let distance = sample.point.distance(from);
@@ -191,12 +209,12 @@ pub fn draw(scene: &Scene, flight: &Flight, stream: &mut Stream) -> Option<Draw>
                 direction,
                 distance,
                 radiance,
-                density: area.density(&scene.geometry, from, direction, distance, sample.normal),
+                density: area.density(&scene.geometry, emitter.triangle, from, (direction, distance), sample.normal),
                 has_size: true,
                 normal: sample.normal,
             };
             let density = choice * sample.pdf * per_length * distance * distance / cos;
-            Some(Draw { t, light: index as u32, arrival, density })
+            Some(Draw { t, emitter, arrival, density })
         }
         _ => {
             let position = match light {
@@ -205,16 +223,16 @@ pub fn draw(scene: &Scene, flight: &Flight, stream: &mut Stream) -> Option<Draw>
                 _ => return None,
             };
             let (t, per_length) = flight.draw_distance(position, stream.uniform())?;
-            let arrival = light.arrive(&scene.geometry, flight.ray.at(t), stream)?;
-            Some(Draw { t, light: index as u32, arrival, density: choice * per_length })
+            let arrival = light.arrive(&scene.geometry, None, flight.ray.at(t), stream)?;
+            Some(Draw { t, emitter, arrival, density: choice * per_length })
         }
     }
 }
 
-/// The density with which [`draw`] draws `t` together with light `index` so that this `arrival` results.
-fn density(scene: &Scene, flight: &Flight, t: f64, index: u32, arrival: &Arrival) -> f64 {
-    let light = &scene.lights[index as usize];
-    let choice = flight.choice(scene, index);
+/// The density with which [`draw`] draws `t` together with this emitter so that this `arrival` results.
+fn density(scene: &Scene, flight: &Flight, t: f64, emitter: Emitter, arrival: &Arrival) -> f64 {
+    let light = &scene.lights[emitter.light as usize];
+    let choice = flight.choice(scene, emitter);
     if choice <= 0.0 {
         return 0.0;
     }
@@ -222,7 +240,7 @@ fn density(scene: &Scene, flight: &Flight, t: f64, index: u32, arrival: &Arrival
     let per_length = choice * flight.distance_density(to, t);
     match light {
         Light::Area(area) => {
-            let per_area = scene.geometry.pdf_area(area.shape, arrival.normal);
+            let per_area = area.pdf(&scene.geometry, emitter.triangle, arrival.normal);
             per_length * per_area * arrival.distance * arrival.distance / arrival.normal.dot(arrival.direction).abs()
         }
         _ => per_length,
@@ -247,10 +265,10 @@ impl Landing {
         Landing { flight, t, density }
     }
 
-    /// The density of an equiangular draw of this collision together with light `index` so that this `arrival` results, over
+    /// The density of an equiangular draw of this collision together with this emitter so that this `arrival` results, over
     /// that with which the flight draws the collision: what rivals a light asked for from here, per steradian.
-    pub fn rival(&self, scene: &Scene, index: u32, arrival: &Arrival) -> f64 {
-        density(scene, &self.flight, self.t, index, arrival) / self.density
+    pub fn rival(&self, scene: &Scene, emitter: Emitter, arrival: &Arrival) -> f64 {
+        density(scene, &self.flight, self.t, emitter, arrival) / self.density
     }
 
     /// What [`Landing::rival`] is of light that was met by chance on the way from here.
@@ -263,7 +281,7 @@ impl Landing {
             has_size: true,
             normal: crossing.hit.normal,
         };
-        self.rival(scene, crossing.light, &arrival)
+        self.rival(scene, scene.emitters.at(crossing.light, crossing.hit), &arrival)
     }
 }
 

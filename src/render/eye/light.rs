@@ -54,11 +54,11 @@ impl Looking<'_, '_, '_> {
     pub(super) fn ask_light(&mut self, at: Vertex<'_>, luggage: &Luggage<Path>, both: bool, landing: Option<&Landing>) {
         let (scene, stream) = (self.eye.scene, &mut *self.context.stream);
         let Some(asked) = Asked::draw(scene, at.point(), stream) else { return };
-        let Asked { light, arrival, .. } = asked;
+        let Asked { emitter, arrival, .. } = asked;
 
         // Who else might have found it: the path by chance, and in media the equiangular draw of the collision.
         let straight_on = landing.is_some() && self.eye.straight_on();
-        let others = landing.map_or(0.0, |landing| landing.rival(scene, light, &arrival));
+        let others = landing.map_or(0.0, |landing| landing.rival(scene, emitter, &arrival));
         let mut weight = Rgb::ZERO;
         at.toward(arrival.direction, Side::Eye, both, luggage.weight, stream, |arriving, sent| {
             let met = if straight_on { Rgb::ZERO } else { sent.ahead };
@@ -119,7 +119,7 @@ impl Looking<'_, '_, '_> {
 
         // Its part, where flights draw that collision, and the light is asked for or met from there.
         let phase = medium.phase.value(segment.ray.direction, draw.arrival.direction);
-        let asked = scene.light_choice(draw.light, point) * draw.arrival.density;
+        let asked = scene.light_choice(draw.emitter, point) * draw.arrival.density;
         let met = if self.eye.straight_on() { 0.0 } else { phase };
         let scattering = medium.extinction * medium.albedo * (density * phase);
         let mut weight = luggage.weight * scattering * draw.over(by_flight(draw.t), asked, met);
@@ -155,10 +155,10 @@ impl Looking<'_, '_, '_> {
     /// Light from infinity, met by chance.
     pub(super) fn escape(&mut self, direction: DVec3, luggage: &Luggage<Path>) {
         let component = luggage.own.component(luggage.events, true) as usize;
-        for (index, light) in self.eye.scene.lights.iter().enumerate() {
-            let radiance = light.escaping(direction);
+        for &index in self.eye.scene.emitters.infinite() {
+            let radiance = self.eye.scene.lights[index as usize].escaping(direction);
             if radiance.max_element() > 0.0 {
-                let share = luggage.own.turn.share_of_escape(self.eye.scene, index as u32, direction);
+                let share = luggage.own.turn.share_of_escape(self.eye.scene, index, direction);
                 self.sample.radiance[component] += luggage.weight * radiance * share;
             }
         }
