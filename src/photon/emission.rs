@@ -277,11 +277,15 @@ fn inside_all(scene: &Scene, bounds: &Bounds) -> Option<Inside> {
     // Photons start a few roundings off the light, to the side that they leave on.
     let margin = 1e-9 * (bounds.min.abs().max(bounds.max.abs()).max_element() + bounds.diagonal());
     let bounds = bounds.grown(margin);
-    let mut around = Vec::new();
-    for (index, solid) in (0..).zip(&scene.solids) {
-        if scene.geometry.contains_all(solid.shape, &bounds)? {
-            around.push(index);
+    let (mut around, mut certain) = (Vec::new(), true);
+    scene.geometry.boxes_overlapping(&bounds, |shape| {
+        if let Some(solid) = scene.surfaces[shape as usize].solid {
+            match scene.geometry.contains_all(shape, &bounds) {
+                Some(true) => around.push(solid),
+                Some(false) => {}
+                None => certain = false,
+            }
         }
-    }
-    Some(Inside::of(around))
+    });
+    certain.then(|| Inside::of(around))
 }
