@@ -11,6 +11,7 @@ mod determinism;
 mod figures;
 mod kinds;
 mod light_tracing;
+mod many_lights;
 mod materials;
 mod passes;
 mod point_queries;
