@@ -22,7 +22,7 @@ fn carved_figures_are_closed() {
 #[test]
 fn every_scene_can_be_built() {
     let mut count = 0;
-    for folder in [scenes(), scenes().join("paper")] {
+    for folder in [scenes(), scenes().join("paper"), scenes().join("materials")] {
         for entry in fs::read_dir(folder).unwrap() {
             let path = entry.unwrap().path();
             if path.extension().is_some_and(|ending| ending == "toml") {
@@ -32,5 +32,5 @@ fn every_scene_can_be_built() {
             }
         }
     }
-    assert!(count >= 17, "only {count} scenes");
+    assert!(count >= 18, "only {count} scenes");
 }

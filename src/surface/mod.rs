@@ -218,6 +218,17 @@ impl Bsdf {
         survives(weight, factor, stream).then_some(Onward { direction, density })
     }
 
+    /// Whether a part of the light goes on in single directions, where it cannot be asked for.
+    pub fn is_partly_specular(&self) -> bool {
+        match self {
+            Bsdf::Reflector(reflector) => reflector.is_partly_specular(),
+            Bsdf::Coated(coated) => coated.roughness == 0.0,
+            Bsdf::Mix(mix) => mix.a.is_partly_specular() || mix.b.is_partly_specular(),
+            Bsdf::Thin(_) | Bsdf::Smooth(_) => true,
+            Bsdf::Rough(_) => false,
+        }
+    }
+
     /// Whether it is not the same when turned about the normal.
     pub fn is_anisotropic(&self) -> bool {
         match self {

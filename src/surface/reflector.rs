@@ -77,6 +77,13 @@ impl Reflector {
         }
     }
 
+    pub(super) fn is_partly_specular(&self) -> bool {
+        match self {
+            Reflector::Schlick(schlick) => schlick.roughness < 0.5,
+            _ => self.nature() == Nature::Specular,
+        }
+    }
+
     pub(super) fn is_anisotropic(&self) -> bool {
         match self {
             Reflector::Conductor(conductor) => conductor.roughness[0] != conductor.roughness[1],

@@ -4,7 +4,7 @@ use crate::math::Rgb;
 use crate::scene::description::{
     Description, EnvironmentSource, Light, LightKind, Medium, MediumEmission, Method, Place, Shape, Strength,
 };
-use crate::surface::{Material, Nature};
+use crate::surface::Material;
 
 pub(super) fn warnings(scene: &Description) -> Vec<String> {
     let mut warnings = Vec::new();
@@ -154,7 +154,7 @@ fn unseen_by_light_tracing(scene: &Description, warnings: &mut Vec<String>) {
 /// Whether lights by way of this material are found only by hitting them.
 fn hides_lights(material: Material) -> bool {
     match material {
-        Material::Opaque(bsdf) => bsdf.nature() == Nature::Specular,
+        Material::Opaque(bsdf) => bsdf.is_partly_specular(),
         Material::Dielectric(dielectric) => dielectric.index != Rgb::ONE,
         Material::None => false,
     }
