@@ -1,8 +1,8 @@
 //! A renderer for light in fog, smoke and marble.
 //!
-//! Light in participating media is computed twice, by two methods that judge each other: volumetric photon
-//! mapping with the beam radiance estimate (Jarosz, Zwicker and Jensen 2008), which gathers all photons along
-//! a ray in one query, and an unbiased path tracer.
+//! Light in participating media is computed by methods that judge each other: volumetric photon mapping with the
+//! beam radiance estimate (Jarosz, Zwicker and Jensen 2008), which gathers all photons along a ray in one query, an
+//! unbiased path tracer, and an unbiased light tracer, which knows the caustics that paths do not find.
 //!
 //! # The way of the light
 //!

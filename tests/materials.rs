@@ -102,6 +102,24 @@ fn all_methods_agree_among_all_materials() {
     checks.finish();
 }
 
+/// A ball of fog in the light that a polished floor mirrors: photons that are aimed at the ball from the floor's diffuse base leave
+/// that light to others.
+#[test]
+fn polish_lights_fog() {
+    let mut checks = Checks::default();
+    let text = "[film]\nwidth = 8\nheight = 8\nlayers = false\n\
+                [camera]\nposition = [0, 1, 6]\ntarget = [0, 1, 0]\nfov = 9\n\
+                [media.fog]\nsigma_s = 2\n\
+                [materials.floor]\ntype = \"coated\"\nior = 4\nbase = { type = \"lambert\", reflectance = 0.1 }\n\
+                [[shapes]]\ntype = \"disk\"\ncenter = [0, 0, 0]\nnormal = [0, 1, 0]\nradius = 20\nmaterial = \"floor\"\n\
+                [[shapes]]\ntype = \"sphere\"\ncenter = [0, 1, 0]\nradius = 0.4\ninterior = \"fog\"\n\
+                [[shapes]]\ntype = \"disk\"\ncenter = [2.5, 1.5, 0]\nnormal = [0, -1, 0]\nradius = 0.8\nemission = { radiance = 5 }\n";
+    let path = Estimate::of(16, text, &["render.method=path", "render.samples=1600"]);
+    let photon = Estimate::of(16, text, &["render.method=photon", "render.samples=60", "photons.volume=30_000"]);
+    checks.agree("ball", &photon, &path, 0.01, 0.005);
+    checks.finish();
+}
+
 /// The albedo of pixels is what the texture says, the image's lower left corner at the quad's origin, row 0 on top; integers go by the curve of sRGB unless they are said to be linear.
 #[test]
 fn textures_lie_where_they_should() {

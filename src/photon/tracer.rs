@@ -320,8 +320,8 @@ impl<'s> Flying<'_, 's> {
         let onward = vertex.onward(Side::Light, None, &mut luggage.weight, self.stream, survive);
         let aimed = self.aim(at, walk, (arriving, luggage), parts);
         let onward = onward?;
-        if aimed {
-            // What is aimed at solids brings its part of the light to them.
+        if aimed && onward.density > 0.0 {
+            // What is aimed at solids brings its part of the light to them, but for what mirrors in the surface send there.
             let rival = self.tracer.sources.density_towards_solids(at.point, onward.direction);
             luggage.weight *= balance(onward.density, rival);
         }

@@ -44,7 +44,8 @@ pub use rough::Rough;
 pub use schlick::Schlick;
 pub use smooth::Smooth;
 pub use texture::{
-    Checker, Component, ImageTexture, NoiseTexture, Paint, Parameter, Relief, Slot, Space, Texture, TexturePoint, Wrap,
+    Checker, Constituent, ImageTexture, NoiseTexture, Paint, Parameter, Relief, Slot, Space, Texture, TexturePoint,
+    Wrap,
 };
 pub use thin::Thin;
 
@@ -240,15 +241,15 @@ impl Bsdf {
     }
 
     /// Puts a texture's value in place of a constant.
-    fn set(&mut self, Slot { component, parameter }: Slot, value: Rgb) {
+    fn set(&mut self, Slot { constituent, parameter }: Slot, value: Rgb) {
         let number = (value.element_sum() / 3.0).clamp(0.0, 1.0);
-        match (self, component, parameter) {
+        match (self, constituent, parameter) {
             (Bsdf::Reflector(reflector), ..) => reflector.set(parameter, value),
-            (Bsdf::Coated(coated), Component::Whole, Parameter::Roughness) => coated.roughness = number,
-            (Bsdf::Coated(coated), Component::First, _) => coated.base.set(parameter, value),
-            (Bsdf::Mix(mix), Component::Whole, Parameter::Weight) => mix.weight = number,
-            (Bsdf::Mix(mix), Component::First, _) => mix.a.set(parameter, value),
-            (Bsdf::Mix(mix), Component::Second, _) => mix.b.set(parameter, value),
+            (Bsdf::Coated(coated), Constituent::Whole, Parameter::Roughness) => coated.roughness = number,
+            (Bsdf::Coated(coated), Constituent::First, _) => coated.base.set(parameter, value),
+            (Bsdf::Mix(mix), Constituent::Whole, Parameter::Weight) => mix.weight = number,
+            (Bsdf::Mix(mix), Constituent::First, _) => mix.a.set(parameter, value),
+            (Bsdf::Mix(mix), Constituent::Second, _) => mix.b.set(parameter, value),
             _ => {}
         }
     }

@@ -184,7 +184,7 @@ pub enum Parameter {
 /// Which part of a material a parameter is of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Component {
+pub enum Constituent {
     /// The material itself.
     Whole,
     /// The base of a coat, or the first of a mixture.
@@ -197,7 +197,7 @@ pub enum Component {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Slot {
     /// Of which part.
-    pub component: Component,
+    pub constituent: Constituent,
     /// What.
     pub parameter: Parameter,
 }

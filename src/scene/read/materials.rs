@@ -8,7 +8,7 @@ use crate::math::Rgb;
 use crate::scene::description::{Located, Material, Texture};
 use crate::scene::table::{Item, Read, Table};
 use crate::surface::{
-    self, Bsdf, Coated, Component, Conductor, Dielectric, Fresnel, Lambert, Mirror, Mix, OrenNayar, Parameter, Phong,
+    self, Bsdf, Coated, Conductor, Constituent, Dielectric, Fresnel, Lambert, Mirror, Mix, OrenNayar, Parameter, Phong,
     Reflector, Relief, Schlick, Slot, Thin,
 };
 
@@ -24,7 +24,7 @@ pub(super) struct Materials<'a> {
 /// Where a material's parameters are read to.
 struct Reading<'a> {
     all: &'a Materials<'a>,
-    component: Component,
+    constituent: Constituent,
     textures: RefCell<Vec<(Slot, Located<Texture>)>>,
 }
 
@@ -33,7 +33,7 @@ const ANY: f64 = 0.5;
 
 impl Reading<'_> {
     fn new<'a>(all: &'a Materials<'a>) -> Reading<'a> {
-        Reading { all, component: Component::Whole, textures: RefCell::default() }
+        Reading { all, constituent: Constituent::Whole, textures: RefCell::default() }
     }
 
     /// A value of `read`, or a texture in its place.
@@ -41,7 +41,7 @@ impl Reading<'_> {
         if !item.is_table() {
             return read(item);
         }
-        let slot = Slot { component: self.component, parameter };
+        let slot = Slot { constituent: self.constituent, parameter };
         let texture = texture(item, self.all.names)?;
         self.textures.borrow_mut().push((slot, item.at(texture)));
         Ok(any)
@@ -59,9 +59,9 @@ impl Reading<'_> {
     }
 
     /// What a coat covers, or one part of a mixture: a material of its own, or the name of one.
-    fn part(&self, table: &Table, key: &'static str, component: Component) -> Read<Reflector> {
+    fn part(&self, table: &Table, key: &'static str, constituent: Constituent) -> Read<Reflector> {
         let item = table.require(key, |item| Ok(item.clone()))?;
-        let part = Reading { component, ..Reading::new(self.all) };
+        let part = Reading { constituent, ..Reading::new(self.all) };
         let reflector = if item.is_table() {
             part.reflector(&item)
         } else {
@@ -184,7 +184,7 @@ fn phong(reading: &Reading, table: &Table) -> Read<Reflector> {
     let (diffuse, specular) = (diffuse?, specular?);
     let most = (diffuse + specular).max_element();
     // Of textures what is too much is cut off where it is met.
-    let constant = reading.textures.borrow().iter().all(|(slot, _)| slot.component != reading.component);
+    let constant = reading.textures.borrow().iter().all(|(slot, _)| slot.constituent != reading.constituent);
     if constant && most > 1.0 + TOLERANCE {
         return Err(table.fail_at("specular", format!("comes to {most} with `diffuse`; expected at most 1")));
     }
@@ -238,15 +238,15 @@ fn thin_dielectric(_: &Reading, table: &Table) -> Read<surface::Material> {
 }
 
 fn coated(reading: &Reading, table: &Table) -> Read<surface::Material> {
-    let base = reading.part(table, "base", Component::First);
+    let base = reading.part(table, "base", Constituent::First);
     let index = table.get_or("ior", 1.5, Item::positive);
     let roughness = reading.number(table, "roughness", Parameter::Roughness, 0.0);
     Ok(Bsdf::Coated(Coated { base: base?, index: index?, roughness: roughness?, outside: 1.0 }).into())
 }
 
 fn mix(reading: &Reading, table: &Table) -> Read<surface::Material> {
-    let a = reading.part(table, "a", Component::First);
-    let b = reading.part(table, "b", Component::Second);
+    let a = reading.part(table, "a", Constituent::First);
+    let b = reading.part(table, "b", Constituent::Second);
     let weight = reading.number(table, "weight", Parameter::Weight, 0.5);
     Ok(Bsdf::Mix(Mix { a: a?, b: b?, weight: weight? }).into())
 }
