@@ -13,8 +13,8 @@ use crate::scene::Scene;
 use crate::scene::description::SingleScattering;
 use crate::surface::{Nature, Side};
 use crate::transport::{
-    self, Collision, Events, Heading, Interaction, Luggage, Part, Parts, Segment, Tally, Traveller, Vertex, Walk,
-    balance, survive, travel,
+    self, Ahead, Collision, Events, Heading, Interaction, Luggage, Part, Parts, Segment, Tally, Traveller, Vertex,
+    Walk, balance, survive, travel,
 };
 
 /// What a photon pass should do.
@@ -154,7 +154,12 @@ impl<'s> Tracer<'s> {
         }
         let stored = chunk.volume.photons.len();
         chunk.volume.next();
-        let own = Remembered { history: History::new(from_light), forced: self.forced, drawn: None, portion: false };
+        let own = Remembered {
+            history: History::new(from_light),
+            forced: self.forced,
+            ahead: Ahead::default(),
+            portion: false,
+        };
         let start =
             Part { walk: Walk::start(self.scene, ray, inside), luggage: Luggage::new(power, own), collision: None };
         let mut flying = Flying { tracer: self, chunk, stream, source, collided: false };
@@ -172,7 +177,7 @@ struct Remembered {
     /// Whether its first collision is forced.
     forced: bool,
     /// How far it flies, once that is drawn.
-    drawn: Option<f64>,
+    ahead: Ahead,
     /// Whether it is a portion that sets out already.
     portion: bool,
 }
@@ -242,13 +247,9 @@ impl<'s> Traveller<'s> for Flying<'_, 's> {
         true
     }
 
-    /// Flights through dense media end long before the far side of a solid: they are drawn first.
     fn farthest(&mut self, medium: u32, _: &Ray, luggage: &mut Luggage<Remembered>) -> f64 {
         let medium = &self.tracer.scene.media[medium as usize];
-        if luggage.own.forced || !medium.density.is_even() {
-            return f64::INFINITY;
-        }
-        *luggage.own.drawn.insert(transport::draw(medium, luggage.weight, self.stream))
+        if luggage.own.forced { f64::INFINITY } else { luggage.own.ahead.draw(medium, luggage.weight, self.stream) }
     }
 
     fn segment(
@@ -274,10 +275,8 @@ impl<'s> Traveller<'s> for Flying<'_, 's> {
 
         // A collision by chance.
         let weight = &mut luggage.weight;
-        let collision = match luggage.own.drawn.take() {
-            Some(target) => transport::end(medium, segment.ray, range, target, weight),
-            None => transport::fly(medium, segment.ray, range, weight, self.stream, &mut self.chunk.tally, |_, _| {}),
-        };
+        let collision =
+            luggage.own.ahead.collide(medium, segment.ray, range, weight, self.stream, &mut self.chunk.tally);
         collision.map_or(ControlFlow::Continue(()), ControlFlow::Break)
     }
 

@@ -24,7 +24,7 @@ use crate::photon::{Sources, Start};
 use crate::scene::Scene;
 use crate::surface::{Nature, Side};
 use crate::transport::{
-    self, Events, Heading, Luggage, Part, Parts, Segment, Tally, Traveller, Vertex, Walk, survive, travel,
+    Ahead, Events, Heading, Luggage, Part, Parts, Segment, Tally, Traveller, Vertex, Walk, survive, travel,
 };
 
 /// Paths that one task traces, at most.
@@ -90,7 +90,7 @@ impl<'s> LightTracer<'s> {
             sent.tally.broken += 1;
             return;
         }
-        let luggage = Luggage::new(power, Origin { from_light, drawn: None });
+        let luggage = Luggage::new(power, Origin { from_light, ahead: Ahead::default() });
         let start = Part { walk: Walk::start(self.scene, ray, inside), luggage, collision: None };
         travel(&mut Sending { tracer: self, sent, stream }, start, parts);
     }
@@ -101,7 +101,7 @@ pub(super) struct Origin {
     /// Whether it comes from a light, not from a glowing medium.
     from_light: bool,
     /// How far it flies, once that is drawn.
-    drawn: Option<f64>,
+    ahead: Ahead,
 }
 
 /// A light path on its way.
@@ -122,13 +122,9 @@ impl<'s> Traveller<'s> for Sending<'_, 's> {
         self.stream
     }
 
-    /// Flights through dense media end long before the far side of a solid: they are drawn first.
     fn farthest(&mut self, medium: u32, _: &Ray, luggage: &mut Luggage<Origin>) -> f64 {
         let medium = &self.tracer.scene.media[medium as usize];
-        if !medium.density.is_even() {
-            return f64::INFINITY;
-        }
-        *luggage.own.drawn.insert(transport::draw(medium, luggage.weight, self.stream))
+        luggage.own.ahead.draw(medium, luggage.weight, self.stream)
     }
 
     fn segment(
@@ -139,10 +135,8 @@ impl<'s> Traveller<'s> for Sending<'_, 's> {
     ) -> ControlFlow<f64> {
         let medium = &self.tracer.scene.media[segment.medium as usize];
         let (range, weight) = ((segment.a, segment.b), &mut luggage.weight);
-        let collision = match luggage.own.drawn.take() {
-            Some(target) => transport::end(medium, segment.ray, range, target, weight),
-            None => transport::fly(medium, segment.ray, range, weight, self.stream, &mut self.sent.tally, |_, _| {}),
-        };
+        let collision =
+            luggage.own.ahead.collide(medium, segment.ray, range, weight, self.stream, &mut self.sent.tally);
         collision.map_or(ControlFlow::Continue(()), ControlFlow::Break)
     }
 

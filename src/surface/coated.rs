@@ -1,4 +1,4 @@
-use super::ggx::Ggx;
+use super::ggx::{Ggx, MOST_FACETS};
 use super::lambert::cosine_density;
 use super::rough::Rough;
 use super::{Dielectric, Drawn, Incidence, Lobe, Nature, Reflector, Scattering, fresnel};
@@ -93,9 +93,7 @@ impl Coated {
             return diffuse;
         }
         let facets = Ggx::round(base.hypot(self.roughness).clamp(1e-3, 1.0));
-        let Some(half) = (o - travel).try_normalize() else { return diffuse };
-        let cos = (-travel.dot(half)).max(1e-3);
-        let lobe = facets.unmasked(o) * facets.visible_density(-travel, half) / (4.0 * cos);
+        let lobe = facets.reflection(-travel, o).map_or(0.0, |(density, _)| density);
         LEAST_DIFFUSE * diffuse + (1.0 - LEAST_DIFFUSE) * lobe
     }
 
@@ -121,7 +119,7 @@ impl Coated {
         }
         let asked = asked.map(turned);
         let mut visit = boundary.arrive(travel);
-        for _ in 0..super::rough::MOST_FACETS {
+        for _ in 0..MOST_FACETS {
             if let Some(leaving) = asked {
                 facet(*weight, boundary.sends(&visit, leaving, false));
             }

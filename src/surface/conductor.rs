@@ -1,4 +1,4 @@
-use super::ggx::Ggx;
+use super::ggx::{Ggx, MOST_FACETS};
 use super::mirror::reflect;
 use super::{Drawn, Incidence, Scattering};
 use crate::math::{DVec3, Rgb, Stream};
@@ -72,9 +72,6 @@ fn complex(cos: f64, eta: f64, k: f64) -> f64 {
     (0.5 * (parallel + perpendicular)).clamp(0.0, 1.0)
 }
 
-/// Facets that light meets in one visit, at most; 1 in 10⁶ meets more than thirty.
-const MOST_FACETS: u32 = 1000;
-
 impl Conductor {
     /// The normals of its facets, if it is rough.
     pub(super) fn facets(&self) -> Option<Ggx> {
@@ -97,7 +94,7 @@ impl Conductor {
             return;
         }
         for _ in 0..MOST_FACETS {
-            if let Some((density, cos)) = density(&facets, travel, leaving) {
+            if let Some((density, cos)) = facets.reflection(-travel, leaving) {
                 part(weight, Scattering { value: self.fresnel.reflected(cos) * density, ahead: Rgb::splat(density) });
             }
             if self.meet(&facets, &mut travel, &mut weight, stream) || weight.max_element() <= 0.0 {
@@ -118,7 +115,7 @@ impl Conductor {
         for _ in 0..MOST_FACETS {
             let arriving = travel;
             if self.meet(&facets, &mut travel, &mut factor, stream) {
-                let density = density(&facets, arriving, travel).map_or(0.0, |(density, _)| density);
+                let density = facets.reflection(-arriving, travel).map_or(0.0, |(density, _)| density);
                 let direction = frame.to_world(travel).normalize();
                 return Some(Drawn { direction, normal: at.shading_normal, factor, density });
             }
@@ -133,14 +130,6 @@ impl Conductor {
         *travel = reflect(*travel, facet);
         travel.z > 0.0 && stream.uniform() < facets.unmasked(*travel)
     }
-}
-
-/// The density with which one facet sends light that travels along `travel` away along `leaving`, and the cosine to it.
-fn density(facets: &Ggx, travel: DVec3, leaving: DVec3) -> Option<(f64, f64)> {
-    let half = (leaving - travel).try_normalize()?;
-    let cos = -travel.dot(half);
-    let density = facets.unmasked(leaving) * facets.visible_density(-travel, half) / (4.0 * cos);
-    (cos > 0.0 && density > 0.0 && density.is_finite()).then_some((density, cos))
 }
 
 #[cfg(test)]

@@ -1,6 +1,9 @@
 use crate::math::DVec3;
 use std::f64::consts::{PI, TAU};
 
+/// Facets that light meets in one visit, at most; 1 in 10⁶ meets more than thirty.
+pub(super) const MOST_FACETS: u32 = 1000;
+
 /// The normals of facets by GGX (Walter, Marschner, Li and Torrance 2007, Eqs. 33–34; stretched as by Heitz 2014):
 ///
 /// D(m) = 1/(π α_x α_y (m_x²/α_x² + m_y²/α_y² + m_z²)²),  G₁(v) = 2/(1 + √(1 + (α_x² v_x² + α_y² v_y²)/v_z²)),
@@ -49,6 +52,15 @@ impl Ggx {
         }
         let spread = x * y * m.z * m.z + (y / x * m.x * m.x + x / y * m.y * m.y);
         x * y / (PI * spread * spread) * v.dot(m).max(0.0) / area
+    }
+
+    /// The density with which one facet reflects light that comes from `i` to `o`, and the cosine to it; `None` where it does not.
+    #[inline]
+    pub fn reflection(&self, i: DVec3, o: DVec3) -> Option<(f64, f64)> {
+        let half = (i + o).try_normalize()?;
+        let cos = i.dot(half);
+        let density = self.unmasked(o) * self.visible_density(i, half) / (4.0 * cos);
+        (cos > 0.0 && density > 0.0 && density.is_finite()).then_some((density, cos))
     }
 
     /// Draws the normal of a facet as seen from `v`, above the surface or below it (Heitz 2018, whose half disc

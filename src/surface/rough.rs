@@ -1,4 +1,4 @@
-use super::ggx::Ggx;
+use super::ggx::{Ggx, MOST_FACETS};
 use super::mirror::reflect;
 use super::{Dielectric, Incidence, Lobe, Onward, Scattering, Side, reflectance};
 use crate::math::{DVec3, Frame, Rgb, Stream};
@@ -43,9 +43,6 @@ impl Visit {
         if self.beyond { DVec3::new(direction.x, direction.y, -direction.z) } else { direction }
     }
 }
-
-/// Facets that light meets in one visit, at most; 1 in 10⁶ meets more than thirty.
-pub(super) const MOST_FACETS: u32 = 1000;
 
 /// Closer indices than this do not bend light: there is no density.
 const MATCHED: f64 = 1e-9;
@@ -181,20 +178,15 @@ impl Rough {
         if o.z == 0.0 {
             return NOTHING;
         }
-        let passes = self.normals().unmasked(o);
         // Reflected about the half vector.
         if o.z > 0.0 {
-            let Some(half) = (i + o).try_normalize() else { return NOTHING };
-            let cos = i.dot(half);
-            let density = passes * self.normals().visible_density(i, half) / (4.0 * cos);
-            if cos <= 0.0 || density <= 0.0 || !density.is_finite() {
-                return NOTHING;
-            }
+            let Some((density, cos)) = self.normals().reflection(i, o) else { return NOTHING };
             let reflected = reflectance(cos, from, to);
             let chance = if both { 1.0 } else { reflected.element_sum() / 3.0 };
             return Scattering { value: reflected * density, ahead: Rgb::splat(chance * density) };
         }
         // Refracted about a half vector of each channel's own.
+        let passes = self.normals().unmasked(o);
         let disperses = Dielectric::disperses(from, to);
         let mut sent = NOTHING;
         for channel in 0..3 {

@@ -1,6 +1,6 @@
 use super::mirror::reflect;
-use super::{Incidence, Onward, Side, fresnel};
-use crate::math::{Rgb, Stream, shares};
+use super::{Incidence, Lobe, Onward, Side, fresnel};
+use crate::math::{Rgb, Stream};
 
 /// A sheet of a dielectric without thickness, as of window glass or soap: light is reflected or goes straight on, after any number
 /// of reflections between its two faces: R = F + (1 − F)² F/(1 − F²) = 2F/(1 + F). Nothing is absorbed.
@@ -22,14 +22,11 @@ impl Thin {
     pub(super) fn onward(&self, at: &Incidence, side: Side, weight: &mut Rgb, stream: &mut Stream) -> Option<Onward> {
         let normal = at.specular_normal(|normal| Some(reflect(at.direction, normal)), true);
         let reflected = self.reflected(-at.direction.dot(normal));
-        let chance = (shares(*weight) * reflected).element_sum();
-        if stream.uniform() < chance {
-            let direction = reflect(at.direction, normal);
-            *weight *= reflected / chance * at.adjoint(side, normal, direction);
-            Some(Onward { direction, density: 0.0 })
-        } else {
-            *weight *= (Rgb::ONE - reflected) / (1.0 - chance);
-            Some(Onward { direction: at.direction, density: 0.0 })
+        if Lobe::take(None, reflected, weight, stream) == Lobe::Refracted {
+            return Some(Onward { direction: at.direction, density: 0.0 });
         }
+        let direction = reflect(at.direction, normal);
+        *weight *= at.adjoint(side, normal, direction);
+        Some(Onward { direction, density: 0.0 })
     }
 }

@@ -5,6 +5,37 @@ use std::ops::ControlFlow;
 use crate::math::{Ray, Rgb, Stream, choose, shares};
 use crate::medium::Medium;
 
+/// How far light flies in an even medium, drawn before surfaces are looked for: through dense media flights end long before the far
+/// side of a solid.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Ahead(Option<f64>);
+
+impl Ahead {
+    /// Draws the length; infinite where the medium is uneven and flights are drawn on the way.
+    pub fn draw(&mut self, medium: &Medium, weight: Rgb, stream: &mut Stream) -> f64 {
+        if !medium.density.is_even() {
+            return f64::INFINITY;
+        }
+        *self.0.insert(draw(medium, weight, stream))
+    }
+
+    /// The parameter in a range at which light collides by chance, as was drawn before or on the way; weights `weight` for it.
+    pub fn collide(
+        &mut self,
+        medium: &Medium,
+        ray: &Ray,
+        range: (f64, f64),
+        weight: &mut Rgb,
+        stream: &mut Stream,
+        tally: &mut Tally,
+    ) -> Option<f64> {
+        match self.0.take() {
+            Some(target) => end(medium, ray, range, target, weight),
+            None => fly(medium, ray, range, weight, stream, tally, |_, _| {}),
+        }
+    }
+}
+
 /// What is counted on the way and reported in the end.
 #[derive(Clone, Copy, Debug, Default, serde::Serialize, serde::Deserialize)]
 #[serde(default)]

@@ -28,7 +28,7 @@ pub use ask::{Asked, Turn};
 pub use balance::balance;
 pub use equiangular::{Flight, Landing};
 pub use events::Events;
-pub use flight::{Forced, Tally, draw, end, flight_density, fly, force, pass};
+pub use flight::{Ahead, Forced, Tally, draw, end, flight_density, fly, force, pass};
 pub use glow::{Ember, Glows, Rival};
 pub use journey::{Heading, Luggage, Part, Parts, SAFETY_STOP, Traveller, travel};
 pub use roulette::{endures, survive};
