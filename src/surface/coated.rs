@@ -1,4 +1,6 @@
+use super::fresnel::mean_transmittance;
 use super::ggx::{Ggx, MOST_FACETS};
+use super::glaze::Glaze;
 use super::lambert::cosine_density;
 use super::rough::Rough;
 use super::{Dielectric, Drawn, Incidence, Lobe, Nature, Reflector, Scattering, fresnel};
@@ -12,7 +14,8 @@ use crate::math::{DVec3, Rgb, Stream};
 ///
 /// What goes along `o` is asked for at the base, by the way that light from there would take back into the coat:
 /// ∫ f_b(i′→o′) v(o′→o) dω′ = E[w f_b(i′→o′)] cos θ_o (n₁/n₂)², with o′ drawn by the walk from o into the coat, and w its weight; bases that
-/// are narrower than the coat are drawn from, and the coat's facets asked instead.
+/// are narrower than the coat are drawn from, and the coat's facets asked instead. A smooth coat over a Lambertian base needs no
+/// walk: its sum is known in closed form ([`Glaze`]).
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Coated {
     /// What is under the coat.
@@ -24,7 +27,10 @@ pub struct Coated {
     pub roughness: f64,
     /// The index of refraction of what is around.
     #[serde(skip)]
-    pub outside: f64,
+    outside: f64,
+    /// The share of diffuse light that passes the smooth boundary from inside: follows from the indices.
+    #[serde(skip)]
+    passes: f64,
 }
 
 /// Reflections between base and coat, at most: of light that total reflection keeps in, 2 % are left after ten.
@@ -47,6 +53,29 @@ struct Crossed {
 }
 
 impl Coated {
+    /// A coat of this index and roughness over `base`, with an index of 1 around.
+    pub fn new(base: Reflector, index: f64, roughness: f64) -> Self {
+        Coated { base, index, roughness, outside: 1.0, passes: mean_transmittance(index, 1.0) }
+    }
+
+    /// Puts it where this index of refraction is around.
+    pub fn put_in(&mut self, outside: f64) {
+        if outside != self.outside {
+            (self.outside, self.passes) = (outside, mean_transmittance(self.index, outside));
+        }
+    }
+
+    /// The closed form, where there is one.
+    fn glaze(&self) -> Option<Glaze> {
+        let Coated { base, index, roughness, outside, passes } = *self;
+        match base {
+            Reflector::Lambert(base) if roughness == 0.0 => {
+                Some(Glaze { reflectance: base.reflectance, outside, index, passes })
+            }
+            _ => None,
+        }
+    }
+
     /// The boundary as it is met from outside or from inside.
     fn boundary(&self, inside: bool) -> Rough {
         let [from, to] = if inside { [self.index, self.outside] } else { [self.outside, self.index] };
@@ -80,6 +109,9 @@ impl Coated {
 
     /// At most what neither coat nor base absorb: F + (1 − F) of the base.
     pub(super) fn albedo(&self, at: &Incidence) -> Rgb {
+        if let Some(glaze) = self.glaze() {
+            return glaze.albedo(at);
+        }
         let reflected = fresnel(-at.direction.dot(at.shading_normal), self.outside, self.index);
         Rgb::splat(reflected) + (1.0 - reflected) * self.base.albedo(at)
     }
@@ -142,6 +174,9 @@ impl Coated {
         stream: &mut Stream,
         mut part: impl FnMut(Rgb, Scattering),
     ) {
+        if let Some(glaze) = self.glaze() {
+            return part(weight, glaze.value(at, o));
+        }
         let frame = at.frame();
         let (arriving, leaving) = (frame.to_local(at.direction), frame.to_local(o));
         if leaving.z <= 0.0 || arriving.z >= 0.0 || self.nature() == Nature::Specular {
@@ -217,6 +252,9 @@ impl Coated {
 
     /// Where light goes on from coat or base.
     pub(super) fn sample(&self, at: &Incidence, stream: &mut Stream) -> Option<Drawn> {
+        if let Some(glaze) = self.glaze() {
+            return Some(glaze.sample(at, stream));
+        }
         let frame = at.frame();
         let arriving = frame.to_local(at.direction);
         let mut factor = Rgb::ONE;

@@ -14,6 +14,7 @@ mod conductor;
 mod dielectric;
 mod fresnel;
 mod ggx;
+mod glaze;
 mod incidence;
 mod lambert;
 mod mirror;
@@ -132,6 +133,7 @@ pub enum Bsdf {
 
 impl Bsdf {
     /// How it spreads light over directions: of kinds that do it in several ways, the most diffuse one.
+    #[inline]
     pub fn nature(&self) -> Nature {
         match self {
             Bsdf::Reflector(reflector) => reflector.nature(),
@@ -144,6 +146,7 @@ impl Bsdf {
 
     /// The share of light that is not absorbed, of all that arrives as `at` says. Where facets, lobes or coats reflect, it is that of a
     /// plane with the same colours.
+    #[inline]
     pub fn albedo(&self, at: &Incidence) -> Rgb {
         match self {
             Bsdf::Reflector(reflector) => reflector.albedo(at),
@@ -255,6 +258,7 @@ impl Bsdf {
     }
 
     /// The boundary between two indices of refraction that it is, if it is one: light takes two ways there.
+    #[inline]
     pub fn boundary(&self, at: &Incidence) -> Option<Boundary> {
         match self {
             Bsdf::Smooth(smooth) => Some(smooth.boundary(at)),

@@ -22,6 +22,7 @@ pub enum Reflector {
 }
 
 impl Reflector {
+    #[inline]
     pub(super) fn nature(&self) -> Nature {
         match self {
             Reflector::Lambert(_) | Reflector::OrenNayar(_) => Nature::Diffuse,
@@ -35,6 +36,7 @@ impl Reflector {
     }
 
     /// The share of light that is not absorbed; at most that, and that straight on, where lobes or facets reflect.
+    #[inline]
     pub(super) fn albedo(&self, at: &Incidence) -> Rgb {
         match self {
             Reflector::Lambert(lambert) => lambert.reflectance,

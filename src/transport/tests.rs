@@ -104,9 +104,10 @@ fn materials() -> Vec<Kind> {
         exactly(format!("phong {exponent}"), Reflector::Phong(phong), Albedo::AtMostOne);
     }
 
-    // Of facets and layers: values are estimates.
+    // Of facets and layers: values are estimates, but for smooth coats over Lambertian bases.
     let mut estimated = |name: String, bsdf: Bsdf, albedo: Albedo| {
-        all.push(Kind { name, bsdf, exact: false, albedo });
+        let closed = matches!(bsdf, Bsdf::Coated(Coated { base: Reflector::Lambert(_), roughness: 0.0, .. }));
+        all.push(Kind { name, bsdf, exact: closed, albedo: if closed { Albedo::Known } else { albedo } });
     };
     let gold = Fresnel::metals().find(|(name, _)| *name == "Au").expect("gold is a metal").1;
     let white = Fresnel::Schlick { f0: Rgb::ONE };
@@ -122,7 +123,7 @@ fn materials() -> Vec<Kind> {
         }
     }
     let coated =
-        |base: Reflector, roughness: f64, index: f64| Bsdf::Coated(Coated { base, index, roughness, outside: 1.0 });
+        |base: Reflector, roughness: f64, index: f64| Bsdf::Coated(Coated::new(base, index, roughness));
     for roughness in [0.0, 0.1, 0.6] {
         let metal = |fresnel| conductor(fresnel, [0.3, 0.2]);
         for (base, name, albedo) in [

@@ -174,7 +174,7 @@ impl<'s> Walk<'s> {
                         paint.put_on(&mut bsdf, &at);
                     }
                     if let Bsdf::Coated(coated) = &mut bsdf {
-                        coated.outside = scene.index(&self.inside).x;
+                        coated.put_in(scene.index(&self.inside).x);
                     }
                     return Some((*hit, bsdf));
                 }

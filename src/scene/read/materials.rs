@@ -241,7 +241,7 @@ fn coated(reading: &Reading, table: &Table) -> Read<surface::Material> {
     let base = reading.part(table, "base", Constituent::First);
     let index = table.get_or("ior", 1.5, Item::positive);
     let roughness = reading.number(table, "roughness", Parameter::Roughness, 0.0);
-    Ok(Bsdf::Coated(Coated { base: base?, index: index?, roughness: roughness?, outside: 1.0 }).into())
+    Ok(Bsdf::Coated(Coated::new(base?, index?, roughness?)).into())
 }
 
 fn mix(reading: &Reading, table: &Table) -> Read<surface::Material> {
