@@ -141,12 +141,7 @@ fn textures_lie_where_they_should() {
              [[shapes]]\ntype = \"quad\"\norigin = [-1, -1, 0]\nedge_u = [2, 0, 0]\nedge_v = [0, 2, 0]\nmaterial = \"picture\"\n\
              [[lights]]\ntype = \"environment\"\nradiance = 1\n"
         );
-        let layers = render(&text, &[]).film.layers();
-        let albedo = layers.iter().find_map(|layer| match &layer.channels {
-            LayerData::Rgb(pixels) if layer.name == "albedo" => Some(pixels),
-            _ => None,
-        });
-        let albedo = albedo.expect("a layer of albedo");
+        let albedo = albedo(&text);
         // The outer pixels' middles are the middles of texels, or beyond.
         for (corner, (x, y)) in bytes.iter().zip([(0, 0), (3, 0), (0, 3), (3, 3)]) {
             let [found, expected] = [albedo[4 * y + x].map(f64::from), corner.map(value)];
@@ -154,4 +149,37 @@ fn textures_lie_where_they_should() {
             assert!(off < 1e-4, "{color_space} at {x} {y}: {found:?}, not {expected:?}");
         }
     }
+}
+
+fn albedo(text: &str) -> Vec<[f32; 3]> {
+    let layers = render(text, &[]).film.layers();
+    let albedo = layers.into_iter().find_map(|layer| match layer.channels {
+        LayerData::Rgb(pixels) if layer.name == "albedo" => Some(pixels),
+        _ => None,
+    });
+    albedo.expect("a layer of albedo")
+}
+
+/// Stripes too fine for a pixel are seen in their mean colour at one ray a pixel, and as stripes where pixels are finer than they.
+#[test]
+fn fine_textures_are_even_from_afar() {
+    const STRIPES: usize = 128;
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("stripes.png");
+    let bytes: Vec<[u8; 3]> = (0..STRIPES * STRIPES).map(|i| [if i % 2 == 0 { 0 } else { 255 }; 3]).collect();
+    image::write_pixels(&file, &bytes, STRIPES).unwrap();
+    let seen = |pixels: usize, distance: f64| {
+        albedo(&format!(
+            "[film]\nwidth = {pixels}\nheight = {pixels}\n[camera]\nposition = [0, 0, {distance}]\ntarget = [0, 0, 0]\nfov = 20\n\
+             [render]\nmethod = \"path\"\nsamples = 1\n\
+             [materials.picture]\ntype = \"lambert\"\nreflectance = {{ texture = \"image\", file = {file:?} }}\n\
+             [[shapes]]\ntype = \"quad\"\norigin = [-1, -1, 0]\nedge_u = [2, 0, 0]\nedge_v = [0, 2, 0]\nmaterial = \"picture\"\n\
+             [[lights]]\ntype = \"environment\"\nradiance = 1\n"
+        ))
+    };
+    let far = seen(12, 5.0);
+    assert!(far.iter().flatten().all(|share| (share - 0.5).abs() < 1e-3), "{far:?}");
+    let near = seen(12, 0.05);
+    let (least, most) = near.iter().flatten().fold((1f32, 0f32), |(a, b), share| (a.min(*share), b.max(*share)));
+    assert!(least < 0.3 && most > 0.7, "from {least} to {most}");
 }

@@ -68,6 +68,7 @@ impl Geometry {
 
     /// A point on a patch. Uniform by world area for triangles, quads, disks, boxes and under similarity
     /// transforms; otherwise uniform by area in object space, which `pdf` accounts for.
+    #[inline]
     pub fn sample_area(&self, patch: impl Into<Patch>, u: [f64; 2]) -> AreaSample {
         let Patch { shape, triangle } = patch.into();
         if let Some((corners, normal)) = triangle.and_then(|triangle| self.triangle(shape, triangle)) {
@@ -78,6 +79,7 @@ impl Geometry {
     }
 
     /// The density, per world area, with which [`Geometry::sample_area`] draws a point whose unit normal is `normal`.
+    #[inline]
     pub fn pdf_area(&self, patch: impl Into<Patch>, normal: DVec3) -> f64 {
         let Patch { shape, triangle } = patch.into();
         match triangle.and_then(|triangle| self.triangle(shape, triangle)) {

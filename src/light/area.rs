@@ -135,6 +135,7 @@ impl Area {
         Patch { shape: self.shape, triangle }
     }
 
+    #[inline]
     pub(super) fn arrive(
         &self,
         geometry: &Geometry,
@@ -163,6 +164,7 @@ impl Area {
 
     /// The density per steradian at `from` with which [`super::Light::arrive`] draws `direction`, in which the shape, or this
     /// triangle, is so far away and has this unit normal.
+    #[inline]
     pub fn density(
         &self,
         geometry: &Geometry,

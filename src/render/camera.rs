@@ -61,6 +61,11 @@ impl Camera {
         Ray::new(self.position + lens, (focus - lens).normalize())
     }
 
+    /// How wide the middle pixel is at distance 1.
+    pub fn pixel(&self) -> f64 {
+        2.0 * self.tangent / self.height
+    }
+
     /// Where a place of the film, in pixels from the top left, is seen, from the end of `forward`.
     fn across(&self, x: f64, y: f64) -> DVec3 {
         let ndc_x = (2.0 * x - self.width) / self.height;
@@ -108,7 +113,7 @@ impl Camera {
         }
 
         // A pixel's edge on the plane at distance 1, where an area dA is seen under the solid angle cos³ dA.
-        let edge = 2.0 * self.tangent / self.height;
+        let edge = self.pixel();
         let importance = 1.0 / (edge * edge * cos.powi(3) * distance * distance);
         Some(View { direction, distance, importance, x, y })
     }

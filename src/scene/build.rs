@@ -13,14 +13,13 @@ use super::description::{self as said, Description, Located, ShapeKind, Strength
 use super::world::{Scene, Solid, Surface};
 use super::{Glow, Settings};
 use crate::geometry::{Cuboid, Cylinder, Disk, Geometry, Lathe, Mesh, Placed, Quad, Shape, Sphere};
-use crate::image::Image;
 use crate::light::{Area, Directivity, Emitters, Light, Sides, Surroundings};
 use crate::math::{Bounds, DAffine3, DVec3, Rgb};
 use crate::medium::black_body::BlackBody;
 use crate::medium::density::bricks::{BrickGrid, Interpolation, NegativePolicy};
 use crate::medium::density::{Density, Grid, npy, vdb};
 use crate::medium::{Emission, Medium};
-use crate::surface::Paint;
+use crate::surface::{Paint, Pyramid};
 use crate::{Error, Result};
 
 /// Loads and builds a scene. With it come the settings that its file gives for the picture.
@@ -87,7 +86,7 @@ struct Builder<'d> {
     media: Vec<Medium>,
     carried: HashMap<(usize, Option<usize>), u32>,
     parts: Vec<Part>,
-    images: HashMap<(PathBuf, said::ColorSpace), Arc<Image>>,
+    images: HashMap<(PathBuf, said::ColorSpace), Arc<Pyramid>>,
     paints: Vec<Paint>,
     /// By index of the material in the description.
     painted: HashMap<usize, u32>,

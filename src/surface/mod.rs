@@ -22,6 +22,7 @@ mod mix;
 mod nature;
 mod oren_nayar;
 mod phong;
+mod pyramid;
 mod reflector;
 mod rough;
 mod schlick;
@@ -40,6 +41,7 @@ pub use mix::Mix;
 pub use nature::{Boundary, Drawn, Nature, Onward, Scattering, Straight};
 pub use oren_nayar::OrenNayar;
 pub use phong::Phong;
+pub use pyramid::Pyramid;
 pub use reflector::Reflector;
 pub use rough::Rough;
 pub use schlick::Schlick;
@@ -162,6 +164,7 @@ impl Bsdf {
     /// asked for while it might also be found by chance, each share weighted by its part's density. Where a path follows
     /// both lobes of a boundary, `both` says so, and densities are those of each lobe alone. Nothing is told of what is specular.
     #[allow(clippy::too_many_arguments, reason = "one question, asked in one place")]
+    #[inline]
     pub fn toward(
         &self,
         at: &Incidence,
@@ -196,6 +199,7 @@ impl Bsdf {
     /// Draws where light goes on that arrives as `at` says, and weights `weight` for it; `None` where it ends. What a boundary
     /// does is left to chance, or given as `lobe`. `survives` applies the factor by which a reflection scales the weight, with
     /// roulette or without, and says whether light goes on; boundaries absorb nothing and ask for none.
+    #[inline]
     pub fn onward(
         &self,
         at: &Incidence,

@@ -49,6 +49,7 @@ impl Reflector {
     }
 
     /// Tells `part` what goes along `o`: see [`Bsdf::toward`](super::Bsdf::toward), before shading normals are made up for.
+    #[inline]
     pub(super) fn toward(
         &self,
         at: &Incidence,
@@ -68,6 +69,7 @@ impl Reflector {
     }
 
     /// Where light goes on; `None` where it ends.
+    #[inline]
     pub(super) fn sample(&self, at: &Incidence, stream: &mut Stream) -> Option<Drawn> {
         match self {
             Reflector::Lambert(lambert) => Some(lambert.sample(at, stream)),

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::image::Image;
+use super::pyramid::Pyramid;
 use crate::math::{DAffine3, DVec3, Rgb};
 use crate::medium::density::Noise;
 
@@ -13,6 +13,8 @@ pub struct TexturePoint {
     pub uv: [f64; 2],
     /// The point in object space, before the shape's transform.
     pub object: DVec3,
+    /// Over about what length in uv, as the root of an area, details are too small to be seen; 0 where all are.
+    pub footprint: f64,
 }
 
 /// Which coordinates a texture is taken at.
@@ -48,7 +50,7 @@ pub enum Wrap {
 
 impl Wrap {
     /// The texel that stands for texel `i` of `n`.
-    fn texel(self, i: i64, n: usize) -> usize {
+    pub(super) fn texel(self, i: i64, n: usize) -> usize {
         let n = n as i64;
         let i = match self {
             Wrap::Repeat => i.rem_euclid(n),
@@ -63,33 +65,30 @@ impl Wrap {
 }
 
 /// Colours from an image: its lower left corner is (0, 0), its upper right one (1, 1), and between the middles of texels it is bilinear.
+/// What the camera sees from so far that texels are smaller than half a pixel is taken from smaller sizes of the image.
 #[derive(Clone, Debug)]
 pub struct ImageTexture {
     /// The colours.
-    pub image: Arc<Image>,
+    pub image: Arc<Pyramid>,
     /// What is beyond its edge.
     pub wrap: Wrap,
     /// Turns (u, v, 0) into coordinates of the image.
-    pub to_image: DAffine3,
+    to_image: DAffine3,
+    /// Texels to a unit of u and v, as the root of those in an area.
+    texels: f64,
 }
 
 impl ImageTexture {
-    fn at(&self, uv: [f64; 2]) -> Rgb {
-        let Image { width, height, pixels } = &*self.image;
-        let place = self.to_image.transform_point3(DVec3::new(uv[0], uv[1], 0.0));
-        let (x, y) = (place.x * *width as f64 - 0.5, (1.0 - place.y) * *height as f64 - 0.5);
-        // Farther away, texels have no index.
-        const FARTHEST: f64 = (1u64 << 52) as f64;
-        let [x, y] = [x, y].map(|x| if x.abs() < FARTHEST { x } else { 0.0 });
-        let (i, j) = (x.floor(), y.floor());
-        let (fx, fy) = (x - i, y - j);
-        let columns = [0, 1].map(|k| self.wrap.texel(i as i64 + k, *width));
-        let row = |k: i64| {
-            let row = self.wrap.texel(j as i64 + k, *height) * width;
-            let [a, b] = columns.map(|column| Rgb::from_array(pixels[row + column].map(f64::from)));
-            a.lerp(b, fx)
-        };
-        row(0).lerp(row(1), fy)
+    /// A texture; `to_image` turns (u, v, 0) into coordinates of the image.
+    pub fn new(image: Arc<Pyramid>, wrap: Wrap, to_image: DAffine3) -> Self {
+        let [u, v] = [to_image.matrix3.x_axis, to_image.matrix3.y_axis];
+        let texels = (image.image().pixels.len() as f64 * (u.x * v.y - u.y * v.x).abs()).sqrt();
+        ImageTexture { image, wrap, to_image, texels }
+    }
+
+    fn at(&self, at: &TexturePoint) -> Rgb {
+        let place = self.to_image.transform_point3(DVec3::new(at.uv[0], at.uv[1], 0.0));
+        self.image.at(self.wrap, [place.x, place.y], at.footprint * self.texels)
     }
 }
 
@@ -143,7 +142,7 @@ impl Texture {
     /// The colour at a place.
     pub fn at(&self, at: &TexturePoint) -> Rgb {
         match self {
-            Texture::Image(image) => image.at(at.uv),
+            Texture::Image(image) => image.at(at),
             Texture::Checker(checker) => checker.at(at),
             Texture::Noise(noise) => noise.a + (noise.b - noise.a) * noise.noise.at(noise.space.of(at)),
         }
@@ -152,6 +151,11 @@ impl Texture {
     /// The mean of the channels at a place.
     pub fn number(&self, at: &TexturePoint) -> f64 {
         self.at(at).element_sum() / 3.0
+    }
+
+    /// Whether it blurs details that are too small to be seen.
+    pub fn is_filtered(&self) -> bool {
+        matches!(self, Texture::Image(_))
     }
 
     /// Whether it is taken at u and v.
@@ -219,9 +223,18 @@ pub struct Paint {
     pub textures: Vec<(Slot, Texture)>,
     /// What turns the normal.
     pub relief: Option<Relief>,
+    /// Whether any of these needs a [footprint](TexturePoint::footprint).
+    pub filtered: bool,
 }
 
 impl Paint {
+    /// These textures, and what turns the normal.
+    pub fn new(textures: Vec<(Slot, Texture)>, relief: Option<Relief>) -> Self {
+        let turning = relief.iter().map(|(Relief::NormalMap(texture, _) | Relief::Bump(texture, _))| texture);
+        let filtered = textures.iter().map(|(_, texture)| texture).chain(turning).any(Texture::is_filtered);
+        Paint { textures, relief, filtered }
+    }
+
     /// Puts what textures are at a place where a material's constants stand.
     pub fn put_on(&self, bsdf: &mut super::Bsdf, at: &TexturePoint) {
         for (slot, texture) in &self.textures {
@@ -252,6 +265,7 @@ impl Paint {
                     let moved = TexturePoint {
                         uv: [at.uv[0] + u, at.uv[1] + v],
                         object: at.object + u * object[0] + v * object[1],
+                        footprint: at.footprint,
                     };
                     texture.number(&moved)
                 };
@@ -268,14 +282,18 @@ impl Paint {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::Image;
 
     /// Rows from the top: the lower left texel is at (0, 0); middles of texels have their own colours, beyond the edge each wrap has its
     /// way.
     #[test]
     fn images_lie_as_they_are_seen() {
         let pixels = vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0; 3]];
-        let image = Arc::new(Image { width: 2, height: 2, pixels });
-        let at = |wrap, uv| ImageTexture { image: image.clone(), wrap, to_image: DAffine3::IDENTITY }.at(uv);
+        let image = Pyramid::new(Image { width: 2, height: 2, pixels });
+        let at = |wrap, uv| {
+            let at = TexturePoint { uv, object: DVec3::ZERO, footprint: 0.0 };
+            ImageTexture::new(image.clone(), wrap, DAffine3::IDENTITY).at(&at)
+        };
         assert_eq!(at(Wrap::Clamp, [0.25, 0.25]), Rgb::new(0.0, 0.0, 1.0));
         assert_eq!(at(Wrap::Clamp, [0.25, 0.75]), Rgb::new(1.0, 0.0, 0.0));
         assert_eq!(at(Wrap::Clamp, [0.5, 0.75]), Rgb::new(0.5, 0.5, 0.0));

@@ -29,6 +29,7 @@ pub struct Asked {
 
 impl Asked {
     /// Draws a light for a point, and a place on it. `None` where nothing would arrive.
+    #[inline]
     pub fn draw(scene: &Scene, point: DVec3, stream: &mut Stream) -> Option<Asked> {
         let (emitter, choice) = stream.draw(Dimension::LightChoice, |stream| scene.choose_light(point, stream))?;
         let light = &scene.lights[emitter.light as usize];

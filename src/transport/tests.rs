@@ -122,8 +122,7 @@ fn materials() -> Vec<Kind> {
             estimated(format!("schlick {roughness} {isotropy} {f0}"), schlick.into(), albedo);
         }
     }
-    let coated =
-        |base: Reflector, roughness: f64, index: f64| Bsdf::Coated(Coated::new(base, index, roughness));
+    let coated = |base: Reflector, roughness: f64, index: f64| Bsdf::Coated(Coated::new(base, index, roughness));
     for roughness in [0.0, 0.1, 0.6] {
         let metal = |fresnel| conductor(fresnel, [0.3, 0.2]);
         for (base, name, albedo) in [

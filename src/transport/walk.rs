@@ -30,6 +30,8 @@ pub struct Walk<'s> {
     cluster: Cluster,
     /// Whether the cluster holds all crossings on the line up to the limit.
     collected: bool,
+    /// How wide what it stands for was at the ray's origin, and by how much that grows with distance.
+    cone: [f64; 2],
 }
 
 /// What wants to know what a walk passes.
@@ -73,6 +75,7 @@ impl<'s> Walk<'s> {
             inside,
             cluster,
             collected: false,
+            cone: [0.0; 2],
         }
     }
 
@@ -82,6 +85,17 @@ impl<'s> Walk<'s> {
         let starts = !scene.solids.is_empty();
         let crossed = if starts { -error_bound(&ray, 0.0) } else { 0.0 };
         Walk { starts, crossed, ..Walk::new(scene, ray, inside) }
+    }
+
+    /// This walk as the middle of a cone of rays that is `spread` times wider than it has come far: textures are taken at that width
+    /// (Amanatides 1984). Events do not change by how much it grows.
+    pub fn spread(self, spread: f64) -> Self {
+        Walk { cone: [0.0, spread], ..self }
+    }
+
+    /// How wide the cone is at parameter `t` of the line.
+    fn width(&self, t: f64) -> f64 {
+        self.cone[0] + self.cone[1] * t
     }
 
     /// This walk, ending at parameter `limit`: what lies beyond is escape.
@@ -190,11 +204,24 @@ impl<'s> Walk<'s> {
     }
 
     /// What changes over the surface that is hit, and the place there.
-    #[inline]
+    #[inline(always)]
     fn paint(&self, hit: &Hit) -> Option<(&'s Paint, TexturePoint)> {
-        let scene = self.scene;
-        let paint = &scene.paints[scene.surfaces[hit.id as usize].paint? as usize];
-        Some((paint, TexturePoint { uv: hit.uv, object: scene.geometry.object_point(&self.ray, hit) }))
+        let paint = self.scene.surfaces[hit.id as usize].paint?;
+        Some(self.painted(hit, &self.scene.paints[paint as usize]))
+    }
+
+    #[inline(never)]
+    fn painted(&self, hit: &Hit, paint: &'s Paint) -> (&'s Paint, TexturePoint) {
+        let geometry = &self.scene.geometry;
+        let object = geometry.object_point(&self.ray, hit);
+        let width = self.width(hit.t);
+        let footprint = if paint.filtered && width > 0.0 {
+            let [_, [along_u, along_v]] = geometry.tangents(hit, object);
+            width / along_u.cross(along_v).length().sqrt()
+        } else {
+            0.0
+        };
+        (paint, TexturePoint { uv: hit.uv, object, footprint })
     }
 
     #[inline]
@@ -232,6 +259,7 @@ impl<'s> Walk<'s> {
 
     /// Turns into `direction` at parameter `t` of its line, in the open.
     pub fn turn(&mut self, t: f64, direction: DVec3) {
+        self.cone[0] = self.width(t);
         self.ray = Ray::new(self.ray.at(t), direction);
         self.t = 0.0;
         self.crossed = 0.0;
@@ -254,6 +282,7 @@ impl<'s> Walk<'s> {
     /// Leaves a surface along `direction`, on the side that points to.
     pub fn leave(&mut self, at: &Interaction, direction: DVec3) {
         let (ray, inside) = at.departure(direction);
+        self.cone[0] = self.width(at.t);
         self.ray = ray;
         self.inside = inside;
         self.t = 0.0;

@@ -57,6 +57,8 @@ pub struct EyeSettings<'s> {
     /// How rays are marched through each medium where lights are asked for that light; `None`: they are not, and one place
     /// is enough.
     pub marchers: Option<&'s [Marcher]>,
+    /// How wide what textures are taken over is at distance 1 from the camera.
+    pub spread: f64,
 }
 
 /// Computes radiance along rays.
@@ -123,7 +125,7 @@ impl<'s> Eye<'s> {
         let mut sample = Sample::default();
         let splits = matches!(self.settings.mode, Mode::Split);
         let own = Path { first: None, diffuse: false, splits, turn: Turn::Specular, drawn: None, landing: None };
-        let walk = Walk::start(self.scene, ray, inside);
+        let walk = Walk::start(self.scene, ray, inside).spread(self.settings.spread);
         let part = Part { walk, luggage: Luggage::new(Rgb::ONE, own), collision: None };
         let mut parts = std::mem::take(context.parts);
         travel(&mut Looking { eye: self, sample: &mut sample, context }, part, &mut parts);
@@ -364,6 +366,7 @@ radiance = 1
                 max_events: Events::unlimited(),
                 single_scattering: SingleScattering::Photons,
                 marchers: None,
+                spread: 0.0,
             };
             let eye = Eye::new(&scene, settings);
             let (mut queue, mut parts, mut tally) = (Queue::default(), Parts::new(), Tally::default());

@@ -1,13 +1,11 @@
 //! Textures, loaded.
 
-use std::sync::Arc;
-
 use super::Builder;
 use crate::Result;
 use crate::geometry::{Placed, Shape};
 use crate::image;
 use crate::scene::description::{ColorSpace, Located, Shape as Said, Texture as Described};
-use crate::surface::{ImageTexture, Paint, Parameter, Relief, Texture};
+use crate::surface::{ImageTexture, Paint, Parameter, Pyramid, Relief, Texture};
 
 impl Builder<'_> {
     /// What changes over a shape of this material: an index into `paints`.
@@ -22,19 +20,19 @@ impl Builder<'_> {
         let index = match self.painted.get(&shape.material.value) {
             Some(&index) => index,
             None => {
-                let mut paint = Paint::default();
+                let mut textures = Vec::new();
                 for (slot, texture) in &material.textures {
                     let as_colour = !matches!(slot.parameter, Parameter::Roughness | Parameter::Weight);
                     let kind = if as_colour { ColorSpace::Srgb } else { ColorSpace::Linear };
-                    paint.textures.push((*slot, self.texture(texture, kind)?));
+                    textures.push((*slot, self.texture(texture, kind)?));
                 }
                 let mut load = |texture| self.texture(texture, ColorSpace::Linear);
-                paint.relief = match &material.relief {
+                let relief = match &material.relief {
                     None => None,
                     Some(Relief::NormalMap(texture, strength)) => Some(Relief::NormalMap(load(texture)?, *strength)),
                     Some(Relief::Bump(texture, strength)) => Some(Relief::Bump(load(texture)?, *strength)),
                 };
-                self.paints.push(paint);
+                self.paints.push(Paint::new(textures, relief));
                 let index = self.paints.len() as u32 - 1;
                 self.painted.insert(shape.material.value, index);
                 index
@@ -63,18 +61,18 @@ impl Builder<'_> {
                     Some(image) => image.clone(),
                     None => {
                         let read = image::read_texture(&file.value, color_space == ColorSpace::Linear);
-                        let image = Arc::new(read.map_err(|error| file.place.error(error))?);
+                        let image = Pyramid::new(read.map_err(|error| file.place.error(error))?);
                         self.images.insert(key, image.clone());
                         image
                     }
                 };
                 let sound = |value: &f32| (0.0..=1.0).contains(value);
-                if let Some(value) = image.pixels.iter().flatten().find(|value| !sound(value)) {
+                if let Some(value) = image.image().pixels.iter().flatten().find(|value| !sound(value)) {
                     return Err(file.place.error(format!(
                         "the image holds {value}: expected numbers from 0 to 1 only, since no surface reflects more than all light"
                     )));
                 }
-                Texture::Image(ImageTexture { image, wrap: *wrap, to_image: *to_image })
+                Texture::Image(ImageTexture::new(image, *wrap, *to_image))
             }
         })
     }
