@@ -4,6 +4,7 @@ mod support;
 
 mod beam_against_path;
 #[cfg(feature = "cli")]
+mod caustics;
 mod cli;
 mod closed_forms;
 mod compare;

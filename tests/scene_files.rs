@@ -290,7 +290,7 @@ fn every_key_is_read_as_the_manual_says() {
     assert_eq!((file.value.as_path(), *scale, *rotate), (Path::new("scenes/sky.hdr"), Rgb::splat(2.0), 45.0));
 
     assert_eq!(scene.render, Render { method: Method::Path, samples: 8, passes: 3, seed: u64::MAX, max_depth: 3 });
-    assert_eq!(scene.photons, Photons { volume: Some(1000), max_emitted: 2000 });
+    assert_eq!(scene.photons, Photons { volume: Some(1000), caustic: None, max_emitted: 2000 });
     let volume = Volume {
         estimate: Estimate::Point,
         kernel: Kernel::Fixed,

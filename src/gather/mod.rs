@@ -11,6 +11,7 @@ mod point;
 mod sampled;
 mod segment;
 mod stream;
+mod surface;
 #[cfg(test)]
 mod tests;
 mod volume;
@@ -25,4 +26,5 @@ pub use point::{Marching, PointMaps, PointQuery};
 pub use sampled::{SampledDepths, Samples};
 pub use segment::EyeSegment;
 pub use stream::StreamScratch;
+pub use surface::SurfaceMap;
 pub use volume::{Queue, VolumeMaps, emitted};

@@ -11,7 +11,7 @@ use super::{
 };
 use crate::math::{DVec3, Ray, Rgb, Vec3, one_minus_exp_over};
 use crate::medium::{Emission, Medium};
-use crate::photon::PhotonMap;
+use crate::photon::{PhotonMap, PointMemory};
 
 /// One photon map for each region, so that a ray gathers its region's photons only.
 #[derive(Debug)]
@@ -44,6 +44,8 @@ pub struct Queue<O> {
     table: DepthTable,
     /// For rays that are marched instead.
     pub marching: Marching,
+    /// For points on surfaces.
+    pub around: PointMemory,
     bundle: BundleScratch,
     stream: StreamScratch,
     /// What was counted.
@@ -60,6 +62,7 @@ impl<O> Default for Queue<O> {
             done: Vec::new(),
             table: DepthTable::new(),
             marching: Marching::default(),
+            around: PointMemory::default(),
             bundle: BundleScratch::default(),
             stream: StreamScratch::default(),
             stats: GatherStats::default(),

@@ -173,6 +173,12 @@ impl Geometry {
         [tangents, tangents.map(|along| placed.vector_to_world(along))]
     }
 
+    /// The centre and the radius of a sphere around a shape: itself, where it is one in the world.
+    pub fn bounding_sphere(&self, id: u32) -> (DVec3, f64) {
+        let bounds = self.bounds(id);
+        self.placed[id as usize].world_sphere().unwrap_or((bounds.center(), 0.5 * bounds.diagonal()))
+    }
+
     /// Whether a shape encloses a volume: spheres, boxes, cylinders with caps, lathes whose ends lie on the
     /// axis or coincide, and meshes as [`Mesh::is_closed`](super::Mesh::is_closed) says.
     pub fn is_closed(&self, id: u32) -> bool {

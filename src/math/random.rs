@@ -22,6 +22,8 @@ pub enum Purpose {
     Test = 6,
     /// A path from a light to the camera.
     Light = 7,
+    /// A photon of a caustic.
+    Caustic = 8,
 }
 
 /// What a number of a camera sample is for: the first draw of each is spread evenly over a pixel's samples.

@@ -351,6 +351,11 @@ impl PointMap {
         (InMedium::radius_of(f64::from(volume) * n as f64 / self.photons as f64) as f32).max(f32::MIN_POSITIVE)
     }
 
+    /// Where a block's photons are; lanes without one are not numbers, or infinite.
+    pub(crate) fn places(&self, block: usize) -> &[Row; 3] {
+        &self.positions[block]
+    }
+
     /// Squared distances of a block's photons from `x`.
     #[inline(always)]
     pub(crate) fn squared<L: Lanes>(&self, block: usize, x: &[L; 3]) -> L {

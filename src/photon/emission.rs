@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use crate::light::{Departure, DrawnFrom, Light};
 use crate::math::{Bounds, DVec3, Distribution, Frame, Ray, Rgb, Stream, choose, sampling};
-use crate::scene::{Glow, Inside, Scene, Solid};
+use crate::scene::{Glow, Inside, Scene};
 
 /// All sources of photons of a scene.
 #[derive(Debug)]
@@ -38,6 +38,8 @@ const CLOSEST: f64 = 0.5;
 const AROUND: f64 = 0.25;
 /// See [`AROUND`].
 const WIDER: f64 = 3.0;
+/// The share of photons that are aimed at the spheres around specular surfaces: the rest is for what those photons bend farther.
+const SPECULAR: f64 = 0.95;
 /// The share of photons that stays drawn in proportion to power once shares are evened out: what is learnt from a few
 /// photons may be wrong.
 const BY_POWER: f64 = 0.25;
@@ -67,6 +69,15 @@ pub struct Start {
 impl<'s> Sources<'s> {
     /// All sources with a power.
     pub fn new(scene: &'s Scene) -> Self {
+        Self::of(scene, &scene.glows)
+    }
+
+    /// All lights with a power, without what glows.
+    pub fn of_lights(scene: &'s Scene) -> Self {
+        Self::of(scene, &[])
+    }
+
+    fn of(scene: &'s Scene, glows: &'s [Glow]) -> Self {
         let mut sources = Vec::new();
         let mut powers = Vec::new();
         for (index, light) in scene.lights.iter().enumerate() {
@@ -79,7 +90,7 @@ impl<'s> Sources<'s> {
             sources.push(Source::Light(index as u32, inside));
             powers.push(light.power(&scene.surroundings).element_sum());
         }
-        for glow in &scene.glows {
+        for glow in glows {
             powers.push(glow.power());
             sources.push(Source::Glow(glow));
         }
@@ -96,11 +107,7 @@ impl<'s> Sources<'s> {
             return;
         }
         let solids = self.scene.solids.iter().filter(|solid| scatters(solid.medium));
-        let around = |solid: &Solid| {
-            let bounds = self.scene.geometry.bounds(solid.shape);
-            Target { center: bounds.center(), radius: 0.5 * bounds.diagonal(), share: 0.0 }
-        };
-        let mut targets: Vec<Target> = solids.map(around).collect();
+        let mut targets: Vec<Target> = solids.map(|solid| Target::around(self.scene, solid.shape)).collect();
         let closest = targets.len();
         let whole = self.scene.surroundings.radius;
         for index in 0..closest {
@@ -110,8 +117,27 @@ impl<'s> Sources<'s> {
                 targets.push(target);
             }
         }
+        self.aim_at(targets, closest, [CLOSEST, AROUND]);
+    }
+
+    /// Aims nearly all photons at surfaces that mirror or refract; the light is the same.
+    pub fn aim_at_specular(&mut self) {
+        let specular = (0..).zip(&self.scene.surfaces).filter(|(_, surface)| surface.material.is_partly_specular());
+        let targets: Vec<Target> = specular
+            .map(|(shape, _)| {
+                let (center, radius) = self.scene.geometry.bounding_sphere(shape);
+                // The light that just grazes it, too.
+                Target { center, radius: radius * (1.0 + 1e-9), share: 0.0 }
+            })
+            .collect();
+        let all = targets.len();
+        self.aim_at(targets, all, [SPECULAR, 0.0]);
+    }
+
+    /// Aims at spheres: these shares of the photons at the `closest` of them, and at the rest.
+    fn aim_at(&mut self, mut targets: Vec<Target>, closest: usize, shares: [f64; 2]) {
         let (near, wide) = targets.split_at_mut(closest);
-        for (targets, share) in [(near, CLOSEST), (wide, AROUND)] {
+        for (targets, share) in [near, wide].into_iter().zip(shares) {
             let each = share / targets.len().max(1) as f64;
             targets.iter_mut().for_each(|target| target.share = each);
         }
@@ -247,6 +273,12 @@ impl<'s> Sources<'s> {
 }
 
 impl Target {
+    /// The sphere around a shape, with no share yet.
+    fn around(scene: &Scene, shape: u32) -> Target {
+        let bounds = scene.geometry.bounds(shape);
+        Target { center: bounds.center(), radius: 0.5 * bounds.diagonal(), share: 0.0 }
+    }
+
     /// 1 − cos of the half-angle under which it is seen; all around from inside of it.
     fn opening(&self, from: DVec3) -> f64 {
         let sin2 = (self.radius / self.center.distance(from)).powi(2);

@@ -1,5 +1,7 @@
 //! What a photon remembers of its way: decides whether it is stored.
 
+use crate::transport::Event;
+
 /// How light has come since it left its source.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Since {
@@ -18,17 +20,32 @@ pub struct History {
     pub from_light: bool,
     /// The events on the way.
     pub since: Since,
+    /// Whether it was mirrored or refracted,
+    bent: bool,
+    /// or scattered.
+    scattered: bool,
 }
 
 impl History {
     /// Of a photon that sets out from its source.
     pub fn new(from_light: bool) -> Self {
-        History { from_light, since: Since::Straight }
+        History { from_light, since: Since::Straight, bent: false, scattered: false }
     }
 
     /// This way with one more event.
-    pub fn after(self, refracted: bool) -> Self {
-        let since = if refracted && self.since != Since::Other { Since::Refracted } else { Since::Other };
-        History { since, ..self }
+    pub fn after(self, event: Event) -> Self {
+        let refracted = event == Event::Refracted && self.since != Since::Other;
+        History {
+            since: if refracted { Since::Refracted } else { Since::Other },
+            bent: self.bent || event.bends(),
+            scattered: self.scattered || event == Event::Scattered,
+            ..self
+        }
+    }
+
+    /// Whether it is light of a caustic, where it lands on a surface that spreads it: from a light, mirrored or refracted, and not
+    /// scattered.
+    pub fn is_caustic(self) -> bool {
+        self.from_light && self.bent && !self.scattered
     }
 }

@@ -1,5 +1,6 @@
 //! Photons in media: how they are traced, stored and spread.
 //!
+//! - `caustics` are photons on surfaces that came by specular events alone.
 //! - `emission` draws where they start, `pilot` finds out how, `tracer` is their journey, `pass` all of them together.
 //! - `history` is what a photon remembers of its way; by that, `sinks` stores it or does not.
 //! - `store` puts photons in order, in blocks and under a tree; `discs` is the map for beam queries, `balls` that for point
@@ -7,6 +8,7 @@
 //! - `simd` holds registers and sets of instructions.
 
 mod balls;
+mod caustics;
 pub(crate) mod discs;
 mod emission;
 mod history;
@@ -23,6 +25,7 @@ mod uneven;
 pub mod walls;
 
 pub use balls::{Ball, PointMap, PointMemory, PointSettings};
+pub use caustics::{CausticPass, Caustics, may_be as may_have_caustics, trace_caustics};
 pub use discs::{Disc, MapSettings, PhotonMap, Plane};
 pub use emission::{Sources, Start};
 pub use instructions::Instructions;

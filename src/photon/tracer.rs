@@ -13,8 +13,8 @@ use crate::scene::Scene;
 use crate::scene::description::SingleScattering;
 use crate::surface::{Nature, Side};
 use crate::transport::{
-    self, Ahead, Collision, Events, Heading, Interaction, Luggage, Part, Parts, Segment, Tally, Traveller, Vertex,
-    Walk, balance, survive, travel,
+    self, Ahead, Collision, Event, Events, Heading, Interaction, Luggage, Part, Parts, Segment, Tally, Traveller,
+    Vertex, Walk, balance, survive, travel,
 };
 
 /// What a photon pass should do.
@@ -324,8 +324,7 @@ impl<'s> Flying<'_, 's> {
             let rival = self.tracer.sources.density_towards_solids(at.point, onward.direction);
             luggage.weight *= balance(onward.density, rival);
         }
-        let through = onward.direction.dot(at.incidence.normal) < 0.0;
-        luggage.own.history = luggage.own.history.after(through && at.bsdf.nature() == Nature::Specular);
+        luggage.own.history = luggage.own.history.after(at.event(&onward));
         Some(Heading { direction: onward.direction, clearance: None })
     }
 
@@ -360,7 +359,7 @@ impl<'s> Flying<'_, 's> {
             }
             weight /= chance;
         }
-        let history = luggage.own.history.after(false);
+        let history = luggage.own.history.after(Event::Scattered);
         let mut part = luggage.part(weight, Remembered { history, ..luggage.own });
         part.events = events;
         let mut walk = walk.clone();
@@ -377,7 +376,7 @@ impl<'s> Flying<'_, 's> {
         let power = luggage.weight * at.medium.albedo;
         let clearance = self.chunk.volume.deposit(&self.tracer.quota, at, history, power, self.stream);
         let onward = Vertex::Medium(at).onward(Side::Light, None, &mut luggage.weight, self.stream, survive)?;
-        luggage.own.history = luggage.own.history.after(false);
+        luggage.own.history = luggage.own.history.after(Event::Scattered);
         Some(Heading { direction: onward.direction, clearance })
     }
 }

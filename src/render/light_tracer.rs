@@ -189,7 +189,7 @@ impl Sending<'_, '_> {
             Nature::Diffuse => First::Diffuse,
             Nature::Glossy | Nature::Specular => First::Specular,
         };
-        let component = Component::of(Some(first), luggage.events, luggage.own.from_light);
+        let component = Component::of(Some(first), luggage.events, luggage.own.from_light, false);
         camera.spread(&view, |pixel, part| {
             self.sent.splats.push(Splat { pixel, component, radiance: part * radiance });
         });

@@ -6,6 +6,7 @@ use std::time::Duration;
 use super::exact;
 use super::eye::Component;
 use super::film::{Film, Layers};
+use super::plan::caustic_photons;
 use super::splat::Splats;
 use crate::medium::density;
 use crate::scene::description::{Estimate, Kernel, Method, Volume};
@@ -40,6 +41,8 @@ const RADIUS_BYTES: u64 = 8;
 const WALL_BYTES: u64 = 48;
 /// What is added where discs follow the density of a solid.
 const DENSITY_BYTES: u64 = 16;
+/// The most bytes that a photon on a surface takes: as traced and in its map, while that is built.
+const SURFACE_PHOTON_BYTES: u64 = 96;
 /// What the program takes without film, photons and densities.
 const PROGRAM_BYTES: u64 = 32 << 20;
 /// Parts of a pass with fewer photons than this are not worth their cost.
@@ -101,7 +104,8 @@ impl Limits {
         let Some(memory) = self.memory else { return Ok(parts) };
         let (layers, several) = self.film_of(settings, parts);
         let film = |several| film_bytes(settings, layers, several);
-        let fixed = PROGRAM_BYTES + density::bytes(scene.media.iter().map(|medium| &medium.density));
+        let surfaces = caustic_photons(scene, settings) * SURFACE_PHOTON_BYTES;
+        let fixed = PROGRAM_BYTES + surfaces + density::bytes(scene.media.iter().map(|medium| &medium.density));
         let each = photon_bytes(scene, &settings.volume);
         let bytes = |parts: u64| fixed + film(several || parts > 1) + photons.div_ceil(parts) * each;
         if bytes(parts as u64) <= memory {
@@ -112,7 +116,7 @@ impl Limits {
         let most = (photons / FEWEST_PHOTONS).max(1);
         if needed > most {
             return Err(Error::Limit(format!(
-                "{} of memory are not enough: the image takes {}, the least part of {photons} photons {}, densities and program {}; allow {}, or make a smaller image, or one without film.layers",
+                "{} of memory are not enough: the image takes {}, the least part of {photons} photons {}, densities, surfaces and program {}; allow {}, or make a smaller image, or one without film.layers",
                 size(memory),
                 size(film(true)),
                 size(photons.min(FEWEST_PHOTONS) * each),

@@ -1,10 +1,17 @@
 //! What photons are stored in for a pass.
 
-use super::plan::{Plan, Points};
-use crate::gather::{PointMaps, VolumeMaps};
+use std::time::Instant;
+
+use super::plan::{Plan, Points, SheetSettings};
+use super::progress::Progress;
+use super::stats::Stats;
+use crate::gather::{PointMaps, SurfaceMap, VolumeMaps};
 use crate::medium::Medium;
 use crate::medium::density::Density;
-use crate::photon::{MapSettings, Photon, PhotonMap, PointMap, PointSettings, Radii, narrowing, walls};
+use crate::photon::{
+    CausticPass, Caustics, MapSettings, Photon, PhotonMap, PointMap, PointSettings, Radii, narrowing, trace_caustics,
+    walls,
+};
 use crate::scene::Scene;
 
 /// The maps of a pass: each is there if the scene needs it.
@@ -12,6 +19,8 @@ use crate::scene::Scene;
 pub(super) struct Maps {
     /// Of photons in media.
     pub volume: Option<VolumeMap>,
+    /// Of caustics on surfaces.
+    pub caustic: Option<SurfaceMap>,
 }
 
 /// Photons in media, one map for each region: as discs for rays, or as balls for points on them.
@@ -48,7 +57,7 @@ impl Maps {
                 VolumeMap::Points(point_maps(scene, points, scale, regions))
             }
         };
-        Maps { volume: Some(volume) }
+        Maps { volume: Some(volume), caustic: None }
     }
 
     /// Of each map that holds photons, with its region.
@@ -62,6 +71,46 @@ impl Maps {
             Some(VolumeMap::Points(maps)) => maps.by_region().map(|(region, map)| (region, of_points(map))).collect(),
         }
     }
+}
+
+/// Traces the photons of a pass's caustics, and puts them into a map as narrow as after the passes before it; what that cost is
+/// added to `stats`. `None` where there are none, or `stop` ended it.
+pub(super) fn caustic_map(
+    scene: &Scene,
+    plan: &Plan,
+    pass: u32,
+    (stats, progress): (&mut Stats, &impl Progress),
+    stop: &(impl Fn() -> bool + Sync),
+) -> Option<SurfaceMap> {
+    if plan.caustic_photons == 0 {
+        return None;
+    }
+    let start = Instant::now();
+    progress.phase("caustics", 0);
+    let order = CausticPass {
+        seed: plan.seed,
+        index: u64::from(pass),
+        target: plan.caustic_photons,
+        max_emitted: plan.max_emitted,
+        max_events: plan.max_events,
+    };
+    let Caustics { photons, emitted, tally } = trace_caustics(scene, &order, &|done, _| progress.advance(done), stop);
+    if stop() {
+        return None;
+    }
+    stats.emitted += emitted;
+    stats.caustic += photons.len() as u64;
+    stats.tally = stats.tally.merge(tally);
+    stats.photons_seconds += start.elapsed().as_secs_f64();
+
+    let start = Instant::now();
+    let SheetSettings { neighbours, max_radius, filter } = plan.caustics;
+    let scale = narrowing(pass / plan.parts, SurfaceMap::DIMENSION) as f32;
+    let map = SurfaceMap::build(photons, (neighbours, max_radius), filter, scale);
+    stats.tally.broken += map.rejected() as u64;
+    stats.surface_bytes = stats.surface_bytes.max(map.bytes() as u64);
+    stats.build_seconds += start.elapsed().as_secs_f64();
+    Some(map)
 }
 
 fn beam_maps(scene: &Scene, plan: &Plan, scale: f32, extinctions: &[f64], regions: Vec<Vec<Photon>>) -> VolumeMaps {

@@ -4,8 +4,8 @@ use crate::Result;
 use crate::gather::march::{Marcher, Stepping};
 use crate::medium::Medium;
 use crate::photon::kernel::Profile;
-use crate::photon::{Ball, InMedium, PointSettings, Radius};
-use crate::scene::description::{self, Estimate, Kernel, March, Method, SingleScattering, Step, Volume};
+use crate::photon::{Ball, InMedium, PointSettings, Radius, may_have_caustics};
+use crate::scene::description::{self, Estimate, Kernel, March, Method, SingleScattering, Step, SurfaceFilter, Volume};
 use crate::scene::{Inside, Scene, Settings};
 use crate::transport::Events;
 
@@ -26,6 +26,10 @@ pub struct Plan {
     pub single_scattering: SingleScattering,
     /// Volume photons wanted in each pass's map; 0 if the scene has no medium that scatters.
     pub volume_photons: u64,
+    /// Photons wanted in each pass's caustic map; 0 if there is none.
+    pub caustic_photons: u64,
+    /// How the caustic map is looked up.
+    pub caustics: SheetSettings,
     /// The most photons that are emitted in a pass.
     pub max_emitted: u64,
     /// How wide they are spread.
@@ -47,6 +51,17 @@ pub struct Plan {
     pub samples: u32,
     /// The solids around the camera, where they are the same for all of its lens.
     pub inside: Option<Inside>,
+}
+
+/// How photons on surfaces are looked up.
+#[derive(Clone, Copy, Debug)]
+pub struct SheetSettings {
+    /// The number n of photons whose distance is the radius.
+    pub neighbours: u32,
+    /// No radius exceeds this.
+    pub max_radius: f32,
+    /// How photons count from the middle of their disc to its rim.
+    pub filter: SurfaceFilter,
 }
 
 /// How points on rays are looked up.
@@ -75,6 +90,10 @@ const DENSE_NEIGHBOURS: u32 = 300;
 const THICK: f64 = 100.0;
 /// The share of the largest extent of the photons that adaptive radii may reach at most.
 const MAX_RADIUS_SHARE: f64 = 0.1;
+/// Photons in the caustic map, unless the scene file says otherwise.
+const CAUSTIC_PHOTONS: u64 = 200_000;
+/// The share of the scene's extent that radii of caustics may reach at most.
+const CAUSTIC_RADIUS_SHARE: f64 = 0.03;
 /// Steps across the extent of the photons, unless the scene file says otherwise.
 const STEPS: f64 = 64.0;
 /// Steps are not shorter than this share of that, however dense a medium is.
@@ -86,7 +105,7 @@ impl Plan {
     /// # Errors
     /// [`Error::Scene`](crate::Error::Scene) for a scene in which no walk can end; [`Error::Limit`](crate::Error::Limit) where memory is too short.
     pub fn new(scene: &Scene, settings: &Settings, camera: &Camera, limits: &Limits) -> Result<Plan> {
-        let Settings { film, render, volume, .. } = settings;
+        let Settings { film, render, volume, surface, .. } = settings;
 
         // How long walks are, and whether they end.
         let max_events = Events::of_max_depth(render.max_depth);
@@ -134,6 +153,12 @@ impl Plan {
                 Method::Path | Method::Light => SingleScattering::Photons,
             },
             volume_photons: if photons > 0 { (photons / parts as u64).max(1) } else { 0 },
+            caustic_photons: caustic_photons(scene, settings).div_ceil(u64::from(parts)),
+            caustics: SheetSettings {
+                neighbours: surface.neighbours,
+                max_radius: surface.caustic_radius.unwrap_or(CAUSTIC_RADIUS_SHARE * scene.bounds().diagonal()) as f32,
+                filter: surface.filter,
+            },
             max_emitted: settings.photons.max_emitted,
             radius,
             points: None,
@@ -209,6 +234,13 @@ pub fn volume_photons(scene: &Scene, settings: &Settings) -> u64 {
     let gathers = render.method == Method::Photon && scatters && shines && !asks_for_all;
     let default = if is_dense(scene) { DENSE_PHOTONS } else { VOLUME_PHOTONS };
     if gathers { photons.volume.unwrap_or(default) } else { 0 }
+}
+
+/// Photons wanted in each pass's caustic map: none where there can be no caustics.
+pub fn caustic_photons(scene: &Scene, settings: &Settings) -> u64 {
+    let max_events = Events::of_max_depth(settings.render.max_depth);
+    let there = settings.render.method == Method::Photon && max_events.allows(1) && may_have_caustics(scene);
+    if there { settings.photons.caustic.unwrap_or(CAUSTIC_PHOTONS) } else { 0 }
 }
 
 /// Whether all media that scatter are in solids that hardly any light passes straight.

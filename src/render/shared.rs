@@ -6,10 +6,10 @@ use std::time::Instant;
 use super::camera::Camera;
 use super::film::Film;
 use super::limits::Limits;
-use super::maps::{Maps, VolumeMap, mean_extinctions};
+use super::maps::{Maps, VolumeMap, caustic_map, mean_extinctions};
 use super::pass::{self, Rendering, order};
 use super::plan::Plan;
-use super::progress::Progress;
+use super::progress::{Progress, Silent};
 use super::stats::Stats;
 use crate::photon::{self, Photon};
 use crate::scene::{Scene, Settings};
@@ -84,7 +84,7 @@ impl SharedMap {
         let regions = photons.regions.clone();
         let start = Instant::now();
         let extinctions = mean_extinctions(scene, &regions);
-        let maps = Maps::build(scene, &plan, 0, &extinctions, regions);
+        let mut maps = Maps::build(scene, &plan, 0, &extinctions, regions);
         let mut stats = Stats {
             emitted: photons.emitted,
             volume: photons.stored(),
@@ -93,6 +93,7 @@ impl SharedMap {
             ..Stats::default()
         };
         stats.built(&maps.summaries());
+        maps.caustic = caustic_map(scene, &plan, 0, (&mut stats, &Silent), &|| false);
         Ok(SharedMap { maps, stats })
     }
 

@@ -21,8 +21,12 @@ pub struct Stats {
     pub emitted: u64,
     /// Volume photons stored.
     pub volume: u64,
+    /// Photons of caustics stored.
+    pub caustic: u64,
     /// The largest map, in bytes.
     pub map_bytes: u64,
+    /// The largest map of photons on surfaces, in bytes.
+    pub surface_bytes: u64,
     /// The discs' radii, of the last pass.
     #[serde(skip)]
     pub radii: Radii,
@@ -46,7 +50,9 @@ impl Stats {
         self.render_seconds += other.render_seconds;
         self.emitted += other.emitted;
         self.volume += other.volume;
+        self.caustic += other.caustic;
         self.map_bytes = self.map_bytes.max(other.map_bytes);
+        self.surface_bytes = self.surface_bytes.max(other.surface_bytes);
         self.gather += other.gather;
         self.passes += other.passes;
         self.samples += other.samples;

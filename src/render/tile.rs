@@ -12,7 +12,7 @@ use super::light_tracer::{LightTracer, Origin, Sent};
 use super::pass::Renderer;
 use super::plan::Plan;
 use super::progress::Progress;
-use crate::gather::{GatherStats, Queue};
+use crate::gather::{GatherStats, Queue, SurfaceMap};
 use crate::math::Stream;
 use crate::scene::Scene;
 use crate::scene::description::Method;
@@ -57,7 +57,7 @@ struct Round<'r, 's> {
 
 impl<P: Progress> Renderer<'_, P> {
     /// Samples all pixels, in rounds, the first of them short, so that an interrupted image is whole.
-    pub(super) fn expose(&mut self, mode: Mode<'_>, pass: u32) {
+    pub(super) fn expose(&mut self, mode: Mode<'_>, caustics: Option<&SurfaceMap>, pass: u32) {
         let (width, height) = self.camera.size();
         let tiles = width.div_ceil(TILE) * height.div_ceil(TILE);
         // Of light that is sent, camera rays see only what comes straight from an emitter.
@@ -71,6 +71,7 @@ impl<P: Progress> Renderer<'_, P> {
             max_events: if sends { Events::at_most(0) } else { self.plan.max_events },
             single_scattering: self.plan.single_scattering,
             marchers: traced.as_deref(),
+            caustics,
             spread: self.camera.pixel() * footprint(self.plan.samples),
         };
         let eye = Eye::new(self.scene, settings);

@@ -140,6 +140,8 @@ pub struct Description {
     pub photons: Photons,
     /// `[volume]`
     pub volume: Volume,
+    /// `[surface]`
+    pub surface: Surface,
     /// What is allowed but probably not meant, each message complete.
     #[serde(skip)]
     pub warnings: Vec<String>,

@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use super::description::{
     Camera, Description, Document, Estimate, Film, Filter, Kernel, March, Method, Photons, Profile, Render,
-    SingleScattering, Step, ToneMap, Unit, Volume, World,
+    SingleScattering, Step, Surface, SurfaceFilter, ToneMap, Unit, Volume, World,
 };
 use super::table::{Item, Problems, Read, Table, unit};
 use super::text::text_of;
@@ -108,7 +108,8 @@ fn describe(root: &Table, path: &Path) -> Read<Description> {
     let shapes = shapes::shapes(&shape_items?.unwrap_or_default(), &names);
     let lights = lights::lights(&light_items?.unwrap_or_default(), &names);
 
-    surface.and(compare.map(|_: Option<()>| ())).and(finished)?;
+    let surface = surface?;
+    compare.map(|_: Option<()>| ()).and(finished)?;
     let (mut materials, media) = (materials?, media?);
     let shapes = shapes::finish(shapes?, &mut materials, &names)?;
     let mut description = Description {
@@ -124,6 +125,7 @@ fn describe(root: &Table, path: &Path) -> Read<Description> {
         render: render?,
         photons: photons?,
         volume: volume?,
+        surface,
         warnings: Vec::new(),
     };
     description.warnings = warnings::warnings(&description);
@@ -261,17 +263,16 @@ fn render(table: &Table) -> Read<Render> {
 
 fn photons(table: &Table) -> Read<Photons> {
     let volume = table.get("volume", |item| item.u64(1));
-    // Without surface maps, none is what there is.
-    let none = |item: &Item, map: &str| match item.u64(0)? {
+    // Without a global map, none is what there is.
+    let global = table.get("global", |item| match item.u64(0)? {
         0 => Ok(()),
-        _ => Err(item.unsupported(format!("the {map} photon map is"))),
-    };
-    let global = table.get("global", |item| none(item, "global"));
-    let caustic = table.get("caustic", |item| none(item, "caustic"));
+        _ => Err(item.unsupported("the global photon map is")),
+    });
+    let caustic = table.get("caustic", |item| item.u64(0));
     let max_emitted = table.get_or("max_emitted", 50_000_000, |item| item.u64(1));
     table.finish()?;
-    global.and(caustic)?;
-    Ok(Photons { volume: volume?, max_emitted: max_emitted? })
+    global?;
+    Ok(Photons { volume: volume?, caustic: caustic?, max_emitted: max_emitted? })
 }
 
 fn volume(table: &Table) -> Read<Volume> {
@@ -318,13 +319,21 @@ fn march(table: &Table) -> Read<March> {
     Ok(March { step: step?, size: size?, contrast: contrast? })
 }
 
-/// Surface maps are still to come; what merely says so is accepted.
-fn surface(table: &Table) -> Read<()> {
-    let keys = ["indirect", "estimate", "gather_rays", "neighbours", "filter"].map(|key| table.later(key));
+/// The global map and what reads it are still to come; what merely says so is accepted.
+fn surface(table: &Table) -> Read<Surface> {
+    let neighbours = table.get_or("neighbours", 80, |item| item.u32(2));
+    let filters = [("none", SurfaceFilter::None), ("cone", SurfaceFilter::Cone), ("gaussian", SurfaceFilter::Gaussian)];
+    let filter = table.get_or("filter", SurfaceFilter::Cone, |item| item.choice(&filters, &[]));
+    let caustic_radius = table.get("caustic_radius", Item::length);
+    let indirect = table.get("indirect", |item| item.choice(&[("path", ())], &["final_gather", "map", "none"]));
+    let estimate = table.get("estimate", |item| item.choice(&[("knn", ())], &["sheets", "fixed"]));
+    let gather_rays = table.later("gather_rays");
     let cache = table.get("irradiance_cache", |item| match item.boolean()? {
         false => Ok(()),
         true => Err(item.unsupported("the irradiance cache is")),
     });
     table.finish()?;
-    keys.into_iter().chain([cache.map(|_| ())]).collect()
+    indirect.and(estimate)?;
+    gather_rays.and(cache)?;
+    Ok(Surface { neighbours: neighbours?, filter: filter?, caustic_radius: caustic_radius? })
 }

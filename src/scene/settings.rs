@@ -1,6 +1,6 @@
 //! How a picture is computed, apart from what is there.
 
-use super::description::{Description, Film, Photons, Render, Volume};
+use super::description::{Description, Film, Photons, Render, Surface, Volume};
 
 /// The user's wishes as a scene file states them: what the film holds, and how it is computed. None of it changes what is
 /// there, which is the [`Scene`](super::Scene).
@@ -14,6 +14,8 @@ pub struct Settings {
     pub photons: Photons,
     /// `[volume]`: how the light in media is gathered.
     pub volume: Volume,
+    /// `[surface]`: how light on surfaces is gathered.
+    pub surface: Surface,
 }
 
 impl Settings {
@@ -24,6 +26,7 @@ impl Settings {
             render: description.render.clone(),
             photons: description.photons.clone(),
             volume: description.volume.clone(),
+            surface: description.surface.clone(),
         }
     }
 }

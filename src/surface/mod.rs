@@ -86,6 +86,15 @@ impl Material {
         }
     }
 
+    /// Whether it mirrors or refracts a part of the light in single directions.
+    pub fn is_partly_specular(&self) -> bool {
+        match self {
+            Material::Opaque(bsdf) => bsdf.is_partly_specular(),
+            Material::Dielectric(dielectric) => dielectric.roughness == 0.0,
+            Material::None => false,
+        }
+    }
+
     /// The index of refraction inside, if it has one.
     pub fn index(&self) -> Option<Rgb> {
         match self {
@@ -259,6 +268,11 @@ impl Bsdf {
             (Bsdf::Mix(mix), Constituent::Second, _) => mix.b.set(parameter, value),
             _ => {}
         }
+    }
+
+    /// Whether what passes goes on in another direction.
+    pub fn bends(&self) -> bool {
+        !matches!(self, Bsdf::Thin(_))
     }
 
     /// The boundary between two indices of refraction that it is, if it is one: light takes two ways there.

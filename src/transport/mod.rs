@@ -34,6 +34,6 @@ pub use journey::{Heading, Luggage, Part, Parts, SAFETY_STOP, Traveller, travel}
 pub use roulette::{endures, survive};
 pub use segment::{Crossing, Segment};
 pub use shadow::{ShadowRay, transmit, transmit_straight};
-pub use surface::Interaction;
+pub use surface::{Event, Interaction};
 pub use vertex::{Collision, Vertex};
 pub use walk::{Stop, Visitor, Walk};

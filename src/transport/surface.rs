@@ -2,7 +2,27 @@
 
 use crate::math::{DVec3, Ray};
 use crate::scene::Inside;
-use crate::surface::{Bsdf, Incidence};
+use crate::surface::{Bsdf, Incidence, Onward};
+
+/// What happened to light, or to an eye path, at a vertex.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Event {
+    /// It passed a sheet in the direction it had.
+    Passed,
+    /// It was refracted by a smooth boundary.
+    Refracted,
+    /// It was mirrored.
+    Mirrored,
+    /// It was scattered into one of many directions.
+    Scattered,
+}
+
+impl Event {
+    /// Whether it left in the one other direction that there was.
+    pub fn bends(self) -> bool {
+        matches!(self, Event::Refracted | Event::Mirrored)
+    }
+}
 
 /// A surface that does something to light, and what is around it.
 #[derive(Clone, Debug)]
@@ -29,6 +49,17 @@ impl Interaction {
         let normal = self.incidence.normal;
         let offset = if direction.dot(normal) >= 0.0 { self.offset } else { -self.offset };
         (Ray::new(self.point + offset * normal, direction), self.around(direction).clone())
+    }
+
+    /// What happened to what went on so.
+    pub fn event(&self, onward: &Onward) -> Event {
+        let through = onward.direction.dot(self.incidence.normal) < 0.0;
+        match (onward.density > 0.0, through) {
+            (true, _) => Event::Scattered,
+            (false, true) if self.bsdf.bends() => Event::Refracted,
+            (false, true) => Event::Passed,
+            (false, false) => Event::Mirrored,
+        }
     }
 
     /// The solids on the side that `direction` points to.

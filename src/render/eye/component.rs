@@ -14,6 +14,8 @@ pub enum Component {
     Indirect,
     /// What a mirror or a refracting boundary shows.
     Specular,
+    /// Light that a diffuse surface reflects after specular events, and no other.
+    Caustic,
     /// What media emit, seen directly.
     VolumeEmission,
     /// Light that scatters once, in a medium.
@@ -24,11 +26,12 @@ pub enum Component {
 
 impl Component {
     /// All of them, in order.
-    pub const ALL: [Component; 7] = [
+    pub const ALL: [Component; 8] = [
         Component::Emission,
         Component::Direct,
         Component::Indirect,
         Component::Specular,
+        Component::Caustic,
         Component::VolumeEmission,
         Component::VolumeSingle,
         Component::VolumeMultiple,
@@ -41,6 +44,7 @@ impl Component {
             Component::Direct => "direct",
             Component::Indirect => "indirect",
             Component::Specular => "specular",
+            Component::Caustic => "caustic",
             Component::VolumeEmission => "volume_emission",
             Component::VolumeSingle => "volume_single",
             Component::VolumeMultiple => "volume_multiple",
@@ -48,13 +52,14 @@ impl Component {
     }
 
     /// The component of light that a path finds which had so many events, the `first` of that kind: `straight` from a light, or
-    /// from a glowing medium.
-    pub(in crate::render) fn of(first: Option<First>, events: u64, straight: bool) -> Component {
+    /// from a glowing medium; and whether, between that light and the first event, all were `specular`.
+    pub(in crate::render) fn of(first: Option<First>, events: u64, straight: bool, specular: bool) -> Component {
         match (first, events) {
             (None, _) if straight => Component::Emission,
             (None, _) => Component::VolumeEmission,
             (Some(First::Specular), _) => Component::Specular,
             (Some(First::Diffuse), 1) if straight => Component::Direct,
+            (Some(First::Diffuse), _) if straight && specular => Component::Caustic,
             (Some(First::Diffuse), _) => Component::Indirect,
             (Some(First::Medium), 1) => Component::VolumeSingle,
             (Some(First::Medium), _) => Component::VolumeMultiple,

@@ -3,14 +3,14 @@
 use std::ops::ControlFlow;
 
 use super::component::Component;
-use super::{Looking, Path};
+use super::{Looking, Path, Spread};
 use crate::light::{Arrival, Light};
 use crate::math::random::Dimension;
 use crate::math::{DVec3, Ray, Rgb};
 use crate::surface::{Nature, Side};
 use crate::transport::{
-    self, Asked, Collision, Crossing, Flight, Landing, Luggage, Segment, ShadowRay, Stop, Turn, Vertex, Visitor, Walk,
-    equiangular, transmit, transmit_straight,
+    self, Asked, Collision, Crossing, Flight, Interaction, Landing, Luggage, Segment, ShadowRay, Stop, Turn, Vertex,
+    Visitor, Walk, equiangular, transmit, transmit_straight,
 };
 
 /// Points of glowing media that the first diffuse surface asks for light where photons are gathered: each costs
@@ -141,8 +141,25 @@ impl Looking<'_, '_, '_> {
         self.sample.radiance[luggage.own.scattered().component(events, true) as usize] += weight;
     }
 
+    /// Light of caustics, from photons.
+    pub(super) fn read_caustics(&mut self, at: &Interaction, luggage: &Luggage<Path>) {
+        let Some(map) = self.eye.settings.caustics else { return };
+        let most = self.eye.left_after(luggage.events);
+        let radiance = map.reflected(at, most, self.context.stream, &mut self.context.queue.around);
+        let component = Component::of(luggage.own.first, luggage.events + 1, true, luggage.events == 1);
+        self.sample.radiance[component as usize] += luggage.weight * radiance;
+    }
+
+    /// Whether photons bring the light of a light that a path meets.
+    fn is_brought(&self, luggage: &Luggage<Path>) -> bool {
+        self.eye.settings.caustics.is_some() && luggage.own.meets_caustic()
+    }
+
     /// Light that a path meets by chance on a shape that shines.
     pub(super) fn meet(&mut self, crossing: &Crossing<'_>, luggage: &Luggage<Path>) {
+        if self.is_brought(luggage) {
+            return;
+        }
         let Light::Area(area) = &self.eye.scene.lights[crossing.light as usize] else { return };
         let radiance = area.radiance(crossing.hit.normal, -crossing.ray.direction);
         if radiance.max_element() > 0.0 {
@@ -154,6 +171,9 @@ impl Looking<'_, '_, '_> {
 
     /// Light from infinity, met by chance.
     pub(super) fn escape(&mut self, direction: DVec3, luggage: &Luggage<Path>) {
+        if self.is_brought(luggage) {
+            return;
+        }
         let component = luggage.own.component(luggage.events, true) as usize;
         for &index in self.eye.scene.emitters.infinite() {
             let radiance = self.eye.scene.lights[index as usize].escaping(direction);
@@ -168,7 +188,7 @@ impl Looking<'_, '_, '_> {
 impl Path {
     /// The component of light that this path finds after so many events: `straight` from a light, or from a glowing medium.
     pub(super) fn component(&self, events: u64, straight: bool) -> Component {
-        Component::of(self.first, events, straight)
+        Component::of(self.first, events, straight, self.bent && self.spread == Spread::First)
     }
 }
 

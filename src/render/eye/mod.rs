@@ -18,7 +18,7 @@ pub use claim::Claim;
 pub use component::{Component, Sample};
 
 use crate::gather::march::Marcher;
-use crate::gather::{PointMaps, Queue, VolumeMaps};
+use crate::gather::{PointMaps, Queue, SurfaceMap, VolumeMaps};
 use crate::light::Light;
 use crate::math::{DVec3, Ray, Rgb, Stream};
 use crate::scene::description::SingleScattering;
@@ -57,6 +57,8 @@ pub struct EyeSettings<'s> {
     /// How rays are marched through each medium where lights are asked for that light; `None`: they are not, and one place
     /// is enough.
     pub marchers: Option<&'s [Marcher]>,
+    /// Photons of caustics, which surfaces that spread light look up; `None`: paths find caustics by chance.
+    pub caustics: Option<&'s SurfaceMap>,
     /// How wide what textures are taken over is at distance 1 from the camera.
     pub spread: f64,
 }
@@ -76,6 +78,10 @@ pub struct Path {
     first: Option<First>,
     /// Whether it has met a diffuse surface.
     diffuse: bool,
+    /// Where it was spread last,
+    spread: Spread,
+    /// and whether it has been mirrored or refracted since, and no more than that.
+    bent: bool,
     /// Whether it splits in media.
     splits: bool,
     /// Where it turned last.
@@ -90,8 +96,24 @@ impl Path {
     /// This path with a collision behind it.
     fn scattered(&self) -> Path {
         let first = self.first.or(Some(First::Medium));
-        Path { first, turn: Turn::Specular, drawn: None, landing: None, ..*self }
+        Path { first, spread: Spread::Other, bent: false, turn: Turn::Specular, drawn: None, landing: None, ..*self }
     }
+
+    /// Whether the light of a light that it meets is of a caustic: on the surface that it was spread by last.
+    fn meets_caustic(&self) -> bool {
+        self.bent && matches!(self.spread, Spread::First | Spread::Diffuse)
+    }
+}
+
+/// Where light was spread over directions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Spread {
+    /// Nowhere, or not by a diffuse surface.
+    Other,
+    /// By a diffuse surface, the path's first event.
+    First,
+    /// By another diffuse surface.
+    Diffuse,
 }
 
 /// What a sample needs beside the scene.
@@ -124,7 +146,16 @@ impl<'s> Eye<'s> {
     pub fn look(&self, ray: Ray, inside: Inside, context: &mut Context<'_, 's>) -> Sample {
         let mut sample = Sample::default();
         let splits = matches!(self.settings.mode, Mode::Split);
-        let own = Path { first: None, diffuse: false, splits, turn: Turn::Specular, drawn: None, landing: None };
+        let own = Path {
+            first: None,
+            diffuse: false,
+            spread: Spread::Other,
+            bent: false,
+            splits,
+            turn: Turn::Specular,
+            drawn: None,
+            landing: None,
+        };
         let walk = Walk::start(self.scene, ray, inside).spread(self.settings.spread);
         let part = Part { walk, luggage: Luggage::new(Rgb::ONE, own), collision: None };
         let mut parts = std::mem::take(context.parts);
@@ -243,6 +274,9 @@ impl<'s> Looking<'_, '_, 's> {
         if nature != Nature::Specular {
             self.ask(vertex, luggage, lesser.is_some(), None);
         }
+        if diffuse {
+            self.read_caustics(at, luggage);
+        }
 
         // On, both ways where that matters: the lesser part waits.
         let Some(lesser) = lesser else { return self.send(at, luggage, None) };
@@ -264,12 +298,19 @@ impl<'s> Looking<'_, '_, 's> {
         };
         let vertex = Vertex::Surface(at);
         let onward = vertex.onward(Side::Eye, lobe, &mut luggage.weight, self.context.stream, always)?;
-        luggage.own.turn = if onward.density > 0.0 {
-            let glows = vertex.nature() == Nature::Diffuse;
-            Turn::Surface { point: at.point, density: onward.density, glows }
+        if onward.density > 0.0 {
+            let diffuse = vertex.nature() == Nature::Diffuse;
+            luggage.own.turn = Turn::Surface { point: at.point, density: onward.density, glows: diffuse };
+            luggage.own.bent = false;
+            luggage.own.spread = match (diffuse, luggage.events) {
+                (false, _) => Spread::Other,
+                (true, 1) => Spread::First,
+                (true, _) => Spread::Diffuse,
+            };
         } else {
-            Turn::Specular
-        };
+            luggage.own.turn = Turn::Specular;
+            luggage.own.bent |= at.event(&onward).bends();
+        }
         let goes_on = self.outlives(&mut luggage.weight, luggage.own.diffuse, at.around(onward.direction));
         goes_on.then_some(Heading { direction: onward.direction, clearance: None })
     }
@@ -293,6 +334,7 @@ impl<'s> Looking<'_, '_, 's> {
         let keep = |_: &mut Rgb, _: Rgb, _: &mut Stream| true;
         let onward = vertex.onward(Side::Eye, None, &mut luggage.weight, self.context.stream, keep)?;
         luggage.own.turn = Turn::Medium { point: at.point, density: onward.density, landing };
+        (luggage.own.spread, luggage.own.bent) = (Spread::Other, false);
         Some(Heading { direction: onward.direction, clearance: None })
     }
 }
@@ -366,6 +408,7 @@ radiance = 1
                 max_events: Events::unlimited(),
                 single_scattering: SingleScattering::Photons,
                 marchers: None,
+                caustics: None,
                 spread: 0.0,
             };
             let eye = Eye::new(&scene, settings);

@@ -1,4 +1,4 @@
-//! How a picture is computed: `[film]`, `[render]`, `[photons]` and `[volume]`.
+//! How a picture is computed: `[film]`, `[render]`, `[photons]`, `[volume]` and `[surface]`.
 
 use serde::Serialize;
 
@@ -86,6 +86,9 @@ impl Method {
 pub struct Photons {
     /// About how many photons the volume map should hold, at least 1; `None`: chosen from the scene.
     pub volume: Option<u64>,
+    /// About how many photons the caustic map should hold; 0: there is none, and caustics are left to chance. `None`: chosen from
+    /// the scene.
+    pub caustic: Option<u64>,
     /// The most photons that are emitted in a pass, at least 1.
     pub max_emitted: u64,
 }
@@ -196,4 +199,27 @@ pub enum Kernel {
     Fixed,
     /// As wide as the photons around are sparse.
     Variable,
+}
+
+/// `[surface]`: how light on surfaces is gathered.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Surface {
+    /// The number n of photons whose distance is the radius, at least 2.
+    pub neighbours: u32,
+    /// How photons count from the middle of their disc to its rim.
+    pub filter: SurfaceFilter,
+    /// The cap of the caustic map's radii, above 0; `None`: chosen from the scene.
+    pub caustic_radius: Option<f64>,
+}
+
+/// How photons on surfaces count from the middle of their disc to its rim.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SurfaceFilter {
+    /// All alike.
+    None,
+    /// 1 − x.
+    Cone,
+    /// A Gaussian that is 0 at the rim.
+    Gaussian,
 }

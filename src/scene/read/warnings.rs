@@ -154,9 +154,8 @@ fn unseen_by_light_tracing(scene: &Description, warnings: &mut Vec<String>) {
 /// Whether lights by way of this material are found only by hitting them.
 fn hides_lights(material: Material) -> bool {
     match material {
-        Material::Opaque(bsdf) => bsdf.is_partly_specular(),
         Material::Dielectric(dielectric) => dielectric.index != Rgb::ONE,
-        Material::None => false,
+        Material::Opaque(_) | Material::None => material.is_partly_specular(),
     }
 }
 

@@ -1,0 +1,139 @@
+//! Caustics on surfaces: photons bring what light paths find.
+
+use crate::support::{Checks, Estimate};
+
+/// A ball of glass over a checkered floor, and a round lamp.
+const BALL: &str = r#"
+[materials.floor]
+type = "lambert"
+reflectance = { texture = "checker", scale = 6, a = [0.8, 0.5, 0.3], b = 0.2 }
+[materials.glass]
+type = "dielectric"
+ior = 1.5
+[[shapes]]
+type = "quad"
+origin = [-3, 0, 3]
+edge_u = [6, 0, 0]
+edge_v = [0, 0, -6]
+material = "floor"
+[[shapes]]
+type = "sphere"
+center = [0, 1.4, 0]
+radius = 0.8
+material = "glass"
+[[shapes]]
+type = "disk"
+center = [0.5, 3, -0.2]
+normal = [-0.5, -1.6, 0.2]
+radius = 0.2
+emission = { radiance = [30, 25, 20] }
+"#;
+
+/// A ring of metal on a table under thin fog, and a small lamp; a pane lies over a part of the light.
+const RING: &str = r#"
+[[shapes]]
+type = "box"
+min = [-1.5, 0.01, -1.5]
+max = [1.5, 1, 1.5]
+interior = "fog"
+[media.fog]
+sigma_s = 0.05
+sigma_a = 0.02
+[materials.table]
+type = "oren_nayar"
+reflectance = [0.5, 0.3, 0.2]
+sigma = 0.3
+[materials.gold]
+type = "conductor"
+metal = "Au"
+[materials.pane]
+type = "thin_dielectric"
+[[shapes]]
+type = "quad"
+origin = [-2, 0, 2]
+edge_u = [4, 0, 0]
+edge_v = [0, 0, -4]
+material = "table"
+[[shapes]]
+type = "cylinder"
+base = [0, 0, 0]
+top = [0, 0.5, 0]
+radius = 1
+caps = false
+material = "gold"
+[[shapes]]
+type = "quad"
+origin = [-1, 1.2, 1]
+edge_u = [1, 0, 0]
+edge_v = [0, 0, -1]
+material = "pane"
+[[shapes]]
+type = "sphere"
+center = [2, 2, 1]
+radius = 0.15
+emission = { radiance = 60 }
+"#;
+
+/// A block of glass before a corner of two walls under a small sun and a sky; what it sends to one wall lights the other.
+const CORNER: &str = r#"
+[materials.wall]
+type = "lambert"
+reflectance = 0.7
+[materials.glass]
+type = "dielectric"
+ior = 1.6
+[[shapes]]
+type = "quad"
+origin = [-2, 0, 2]
+edge_u = [4, 0, 0]
+edge_v = [0, 0, -4]
+material = "wall"
+[[shapes]]
+type = "quad"
+origin = [-2, 0, -2]
+edge_u = [4, 0, 0]
+edge_v = [0, 4, 0]
+material = "wall"
+[[shapes]]
+type = "box"
+min = [-0.4, 0.9, -0.9]
+max = [0.4, 1.9, -0.1]
+transform = [{ rotate = { axis = [1, 1, 0], angle = 40 } }]
+material = "glass"
+[[lights]]
+type = "directional"
+direction = [-0.3, -1, -0.6]
+irradiance = 3
+angle = 2
+[[lights]]
+type = "environment"
+radiance = 0.3
+"#;
+
+/// The mean of a film on which no glass or metal is seen, by photons within the blur of their discs, and no part of the light twice.
+#[test]
+fn photons_bring_caustics() {
+    let mut checks = Checks::default();
+    for (name, scene, camera, (maps, samples), (light, light_samples)) in [
+        (
+            "ball",
+            BALL,
+            "position = [0, 0.5, 0.1]\ntarget = [0, 0, 0.1]\nup = [0, 0, -1]\nfov = 110",
+            (8, 16),
+            (16, 200),
+        ),
+        ("ring", RING, "position = [0, 1.1, 0]\ntarget = [0, 0, 0]\nup = [0, 0, -1]\nfov = 50", (8, 64), (16, 1000)),
+        ("corner", CORNER, "position = [0, 1.4, -0.5]\ntarget = [0, 0, -2]\nfov = 70", (8, 32), (16, 600)),
+    ] {
+        let text = format!("[film]\nwidth = 16\nheight = 16\nlayers = false\n[camera]\n{camera}\n{scene}");
+        let by_light = Estimate::of(light, &text, &["render.method=light", &format!("render.samples={light_samples}")]);
+        let samples = format!("render.samples={samples}");
+        let found = Estimate::of(maps, &text, &["photons.caustic=50_000", "photons.volume=50_000", &samples]);
+        checks.agree(name, &found, &by_light, 0.01, 0.005);
+        // Left to chance, nothing is lost either, but less is known.
+        let by_chance = Estimate::of(maps, &text, &["photons.caustic=0", "photons.volume=50_000", &samples]);
+        let [noise, smooth] = [&by_chance, &found].map(|estimate| estimate.standard_error[1]);
+        checks.holds(format!("{name}: standard error {smooth:e} by photons, {noise:e} by chance"), smooth < noise);
+    }
+    checks.finish();
+}
