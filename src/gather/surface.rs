@@ -2,8 +2,8 @@
 
 use std::f64::consts::PI;
 
-use crate::math::{Rgb, Vec3};
-use crate::photon::simd::{LANES, Row};
+use crate::math::{Rgb, Stream, Vec3};
+use crate::photon::simd::Row;
 use crate::photon::{Ball, Photon, PointMap, PointMemory, PointSettings};
 use crate::scene::description::SurfaceFilter;
 use crate::surface::Side;
@@ -79,13 +79,7 @@ impl SurfaceMap {
     }
 
     /// The radiance that goes from `at` to where its ray came from, of light with no more events before than `most`.
-    pub fn reflected(
-        &self,
-        at: &Interaction,
-        most: Events,
-        stream: &mut crate::math::Stream,
-        memory: &mut PointMemory,
-    ) -> Rgb {
+    pub fn reflected(&self, at: &Interaction, most: Events, stream: &mut Stream, memory: &mut PointMemory) -> Rgb {
         if !self.map.bounds().contains(at.point) {
             return Rgb::ZERO;
         }
@@ -99,11 +93,12 @@ impl SurfaceMap {
             let block = block as usize;
             let (places, load, events) = (self.map.places(block), &self.map.loads[block], &self.map.events[block]);
             let of = |rows: &[Row; 3], lane: usize| Vec3::new(rows[0].0[lane], rows[1].0[lane], rows[2].0[lane]);
-            for lane in 0..LANES {
+            for (lane, &events) in events.iter().enumerate() {
                 let offset = of(places, lane) - x;
                 let distance = offset.length_squared();
-                // Not a number where there is no photon.
-                if !(distance < squared) || offset.dot(normal).abs() > height || events[lane] > most {
+                // Lanes without a photon are infinitely far, or not a number.
+                let near = distance < squared && offset.dot(normal).abs() <= height;
+                if !near || events > most {
                     continue;
                 }
                 let from = -of(&load.direction, lane).as_dvec3();
