@@ -10,7 +10,7 @@ use super::balance::balance;
 use super::equiangular::{Draw, Landing};
 use super::glow::{Glows, Rival};
 use super::segment::Crossing;
-use crate::light::{Arrival, Emitter, Light};
+use crate::light::{Arrival, Emitter, Light, Receiver};
 use crate::math::random::Dimension;
 use crate::math::{DVec3, Rgb, Stream};
 use crate::scene::Scene;
@@ -28,11 +28,11 @@ pub struct Asked {
 }
 
 impl Asked {
-    /// Draws a light for a point, and a place on it. `None` where nothing would arrive.
-    pub fn draw(scene: &Scene, point: DVec3, stream: &mut Stream) -> Option<Asked> {
-        let (emitter, choice) = stream.draw(Dimension::LightChoice, |stream| scene.choose_light(point, stream))?;
+    /// Draws a light for a receiver, and a place on it. `None` where nothing would arrive.
+    pub fn draw(scene: &Scene, receiver: &Receiver, stream: &mut Stream) -> Option<Asked> {
+        let (emitter, choice) = stream.draw(Dimension::LightChoice, |stream| scene.choose_light(receiver, stream))?;
         let light = &scene.lights[emitter.light as usize];
-        let arrive = |stream: &mut Stream| light.arrive(&scene.geometry, emitter.triangle, point, stream);
+        let arrive = |stream: &mut Stream| light.arrive(&scene.geometry, emitter.triangle, receiver.point, stream);
         let arrival = stream.draw(Dimension::Light, arrive)?;
         Some(Asked { emitter, arrival, density: choice * arrival.density })
     }
@@ -62,8 +62,8 @@ pub enum Turn {
     Specular,
     /// At a surface that light was asked for.
     Surface {
-        /// The point that asked.
-        point: DVec3,
+        /// The point that asked, and its side.
+        receiver: Receiver,
         /// The density of the direction per steradian.
         density: f64,
         /// Whether glowing media were asked, too.
@@ -85,9 +85,11 @@ impl Turn {
     pub fn share_of_crossing(&self, scene: &Scene, crossing: &Crossing<'_>) -> f64 {
         match self {
             Turn::Specular => 1.0,
-            Turn::Surface { point, density, .. } => balance(*density, density_of_crossing(scene, crossing, *point)),
+            Turn::Surface { receiver, density, .. } => {
+                balance(*density, density_of_crossing(scene, crossing, receiver))
+            }
             Turn::Medium { point, density, landing } => {
-                let asked = density_of_crossing(scene, crossing, *point);
+                let asked = density_of_crossing(scene, crossing, &Receiver::around(*point));
                 balance(*density, asked + landing.rival_of_crossing(scene, crossing))
             }
         }
@@ -95,35 +97,34 @@ impl Turn {
 
     /// The part of what was met by chance of light `index`, which shines from infinity along `direction`.
     pub fn share_of_escape(&self, scene: &Scene, index: u32, direction: DVec3) -> f64 {
-        match self {
-            Turn::Specular => 1.0,
-            Turn::Surface { point, density, .. } | Turn::Medium { point, density, .. } => {
-                let light = &scene.lights[index as usize];
-                let emitter = Emitter { light: index, triangle: None };
-                balance(*density, scene.light_choice(emitter, *point) * light.escaping_density(direction))
-            }
-        }
+        let (receiver, density) = match self {
+            Turn::Specular => return 1.0,
+            Turn::Surface { receiver, density, .. } => (*receiver, *density),
+            Turn::Medium { point, density, .. } => (Receiver::around(*point), *density),
+        };
+        let light = &scene.lights[index as usize];
+        let emitter = Emitter { light: index, triangle: None };
+        balance(density, scene.light_choice(emitter, &receiver) * light.escaping_density(direction))
     }
 
     /// Who else sends a path the light of a glowing medium: points of it, of which `count` were asked for light.
     pub fn rival<'s>(&self, glows: &Glows<'s>, medium: u32, count: u32) -> Option<Rival<'s>> {
         match self {
             Turn::Specular | Turn::Surface { glows: false, .. } => None,
-            Turn::Surface { point, density, glows: true } | Turn::Medium { point, density, .. } => {
-                glows.rival(medium, *point, count, *density)
-            }
+            Turn::Surface { receiver: Receiver { point, .. }, density, glows: true }
+            | Turn::Medium { point, density, .. } => glows.rival(medium, *point, count, *density),
         }
     }
 }
 
 /// The density per steradian with which a light asked for the point `from` sends a sample along the ray of this crossing,
 /// which starts there and meets the light's surface.
-fn density_of_crossing(scene: &Scene, crossing: &Crossing<'_>, from: DVec3) -> f64 {
+fn density_of_crossing(scene: &Scene, crossing: &Crossing<'_>, from: &Receiver) -> f64 {
     let Light::Area(area) = &scene.lights[crossing.light as usize] else { return 0.0 };
     let emitter = scene.emitters.at(crossing.light, crossing.hit);
     let choice = scene.light_choice(emitter, from);
     let (way, normal) = ((crossing.ray.direction, crossing.hit.t), crossing.hit.normal);
-    if choice > 0.0 { choice * area.density(&scene.geometry, emitter.triangle, from, way, normal) } else { 0.0 }
+    if choice > 0.0 { choice * area.density(&scene.geometry, emitter.triangle, from.point, way, normal) } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -199,7 +200,7 @@ intensity = 0.7
                 let mut stream = random(5000 + k);
                 // Asked for, with its part and without.
                 let mut asked = [0.0; 2];
-                if let Some(light) = Asked::draw(&scene, point, &mut stream) {
+                if let Some(light) = Asked::draw(&scene, &vertex.receiver(), &mut stream) {
                     let mut weights = [Rgb::ZERO; 2];
                     let towards = light.arrival.direction;
                     vertex.toward(towards, Side::Eye, false, Rgb::ONE, &mut stream, |weight, sent| {
@@ -219,7 +220,7 @@ intensity = 0.7
                     true
                 });
                 let onward = onward.expect("white surfaces absorb nothing");
-                let turn = Turn::Surface { point, density: onward.density, glows: false };
+                let turn = Turn::Surface { receiver: vertex.receiver(), density: onward.density, glows: false };
                 let (ray, inside) = at.departure(onward.direction);
                 let mut meeting = Meeting { scene: &scene, turn, found: 0.0 };
                 if let Stop::Escaped = Walk::new(&scene, ray, inside).advance(&mut meeting) {

@@ -264,7 +264,7 @@ impl<'s> Looking<'_, '_, 's> {
         let onward = vertex.onward(Side::Eye, lobe, &mut luggage.weight, self.context.stream, always)?;
         luggage.own.turn = if onward.density > 0.0 {
             let glows = vertex.nature() == Nature::Diffuse;
-            Turn::Surface { point: at.point, density: onward.density, glows }
+            Turn::Surface { receiver: vertex.receiver(), density: onward.density, glows }
         } else {
             Turn::Specular
         };
