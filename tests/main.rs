@@ -23,5 +23,6 @@ mod single_scattering;
 mod slab;
 mod stress;
 mod subsurface;
+mod three_methods;
 mod vdb;
 mod walls;
