@@ -156,6 +156,16 @@ position = [-1, 0, 1]
 intensity = 0.7
 "#;
 
+    /// The same, and rows of balls that shine from below the surface: a tree chooses, by the surface's normal.
+    fn many_lamps() -> String {
+        let ball = |i: i32| {
+            let (x, y) = (2.5 * f64::from(i % 4) - 4.0, 2.5 * f64::from(i / 4) - 4.0);
+            let place = format!("center = [{x}, {y}, -1.5]\nradius = 0.7");
+            format!("[[shapes]]\ntype = \"sphere\"\n{place}\nemission = {{ radiance = 2 }}\n")
+        };
+        std::iter::once(LAMPS.to_string()).chain((0..16).map(ball)).collect()
+    }
+
     /// Light met on the way from a place, with its part.
     struct Meeting<'a> {
         scene: &'a Scene,
@@ -178,22 +188,21 @@ intensity = 0.7
     }
 
     /// What a white surface reflects: asked for without sharing, and asked for and met with their parts, against its irradiance,
-    /// E = πL (r/d)² cos for a ball above the horizon. However coarsely rays are put off the surface, as far from the camera.
+    /// E = πL (r/d)² cos for a ball above the horizon; of few lights and of many. However coarsely rays are put off the surface, as far from the camera.
     #[test]
     fn what_is_asked_and_what_is_met_make_up_the_light() {
         const N: usize = 200_000;
-        let (scene, _) = scene::from_text(LAMPS);
-        let point = -scene.center;
         let white = Bsdf::from(Reflector::Lambert(Lambert { reflectance: Rgb::ONE }));
-        let at = Interaction { point, ..interaction(white, Incidence::head_on()) };
         let (center, radius) = (DVec3::new(0.0, 1.0, 2.0), 0.8f64);
         let seen = (radius / center.length()).powi(2) * center.normalize().z;
         let lamp = 0.7 / 2.0 * 0.5f64.sqrt() / std::f64::consts::PI;
         let expected = 3.0 * seen + 0.25 * (1.0 - seen) + lamp;
 
         let mut failed = Vec::new();
-        for offset in [1e-13, 1e-6] {
-            let at = Interaction { offset, ..at.clone() };
+        for (text, offset) in [(LAMPS.to_string(), 1e-13), (LAMPS.to_string(), 1e-6), (many_lamps(), 1e-13)] {
+            let (scene, _) = scene::from_text(&text);
+            let point = -scene.center;
+            let at = Interaction { point, offset, ..interaction(white, Incidence::head_on()) };
             let vertex = Vertex::Surface(&at);
             let mut sums = [[0.0; 2]; 2];
             for k in 0..N {
@@ -241,7 +250,10 @@ intensity = 0.7
                 let error = ((squares / N as f64 - mean * mean) / N as f64).sqrt();
                 let off = (mean - expected).abs();
                 let holds = off < 4.0 * error && error < 0.02 * expected;
-                failed.extend((!holds).then(|| format!("{what}, {offset}: {mean} ± {error}, not {expected}")));
+                let lights = scene.lights.len();
+                failed.extend(
+                    (!holds).then(|| format!("{what}, {lights} lights, {offset}: {mean} ± {error}, not {expected}")),
+                );
             }
         }
         assert!(failed.is_empty(), "{failed:#?}");
