@@ -3,7 +3,7 @@
 
 use volpm::image::Image;
 
-use crate::support::{Effort, Estimate, chosen};
+use crate::support::{Effort, Estimate, built, chosen};
 
 /// What the scenes are made of: each names the materials and media that it uses.
 const PARTS: &str = r#"
@@ -66,7 +66,7 @@ strength = 0.05
 [materials.painted]
 type = "schlick"
 f0 = [0.9, 0.5, 0.4]
-roughness = { texture = "checker", scale = 4, a = 0.3, b = 0.7 }
+roughness = { texture = "checker", scale = 4, a = 0.5, b = 0.8 }
 [materials.frosted]
 type = "dielectric"
 ior = 1.4
@@ -166,6 +166,9 @@ fn compare(effort: impl Fn(&str) -> Effort, precise: f64, tells: bool) {
         let found = SAMPLES.map(|(method, samples)| {
             let method = format!("render.method={method}");
             let all: Vec<&str> = changes.iter().copied().chain(samples).chain([&*method]).collect();
+            // What is partly a mirror, light paths show in part.
+            let warnings = built(&text, &all).0.warnings;
+            assert!(!warnings.iter().any(|warning| warning.contains("does not see")), "{name}: {warnings:?}");
             let whole = |image: &Image| means(image)[4];
             let known = |images: &[Image]| Estimate::over(images, whole).is_within(|mean| precise * mean);
             let start = seconds();
