@@ -136,8 +136,8 @@ fn many() -> String {
 /// The samples of a pixel by each method, and photons.
 const SAMPLES: [(&str, [&str; 2]); 3] = [
     ("path", ["render.samples=96", "photons.volume=1000"]),
-    ("photon", ["render.samples=64", "photons.volume=20000"]),
-    ("light", ["render.samples=256", "photons.volume=1000"]),
+    ("photon", ["render.samples=40", "photons.volume=20000"]),
+    ("light", ["render.samples=192", "photons.volume=1000"]),
 ];
 /// Photons are spread over their neighbourhood: by so much, as a share, blocks and means may differ.
 const BLUR: [f64; 2] = [0.01, 0.003];
