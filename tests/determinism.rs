@@ -33,10 +33,11 @@ const SCENES: [(&str, &[&str]); 14] = [
 const QUICK: [&str; 5] =
     ["film.width=16", "film.height=12", "render.samples=2", "render.passes=1", "photons.volume=3000"];
 
-const ESTIMATES: [(&str, [&str; 2]); 3] = [
+const ESTIMATES: [(&str, [&str; 2]); 4] = [
     ("path", ["render.method=path", "volume.estimate=beam"]),
     ("beam", ["render.method=photon", "volume.estimate=beam"]),
     ("point", ["render.method=photon", "volume.estimate=point"]),
+    ("light", ["render.method=light", "volume.estimate=beam"]),
 ];
 
 /// A digest of all that is in a picture.

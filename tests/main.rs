@@ -24,5 +24,6 @@ mod single_scattering;
 mod slab;
 mod stress;
 mod subsurface;
+mod three_methods;
 mod vdb;
 mod walls;

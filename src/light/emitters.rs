@@ -1,8 +1,8 @@
 //! What is asked for light: lights, or triangles of them, and how one is chosen.
 
-use super::Light;
 use super::extent::Extent;
 use super::tree::{Cut, ToSegment, Tree};
+use super::{Light, Receiver};
 use crate::geometry::{Geometry, Hit};
 use crate::math::{DVec3, Ray, choose};
 
@@ -85,8 +85,10 @@ impl Emitters {
         Emitter { light, triangle }
     }
 
-    /// Draws an emitter for a point, by how much light each might send there; with the probability of that.
-    pub fn draw(&self, lights: &[Light], p: DVec3, u: impl FnOnce() -> f64) -> Option<(Emitter, f64)> {
+    /// Draws an emitter for a receiver, by how much light each might send there; with the probability of that. Where there are few,
+    /// and of lights outside the tree, its normal does not count.
+    pub fn draw(&self, lights: &[Light], receiver: &Receiver, u: impl FnOnce() -> f64) -> Option<(Emitter, f64)> {
+        let p = receiver.point;
         let Some(many) = &self.many else {
             if let [_] = lights {
                 return Some((Emitter { light: 0, triangle: None }, 1.0));
@@ -99,10 +101,10 @@ impl Emitters {
             return Some((Emitter { light: choice.index as u32, triangle: None }, choice.probability));
         };
         if many.outside.is_empty() {
-            let (emitter, probability) = many.tree.to_point(p).draw(u())?;
+            let (emitter, probability) = many.tree.to_point(receiver).draw(u())?;
             return Some((many.emitters[emitter as usize], probability));
         }
-        let within = many.tree.to_point(p);
+        let within = many.tree.to_point(receiver);
         let weights = || many.outside(lights, p).chain([within.irradiance()]);
         let choice = choose(weights(), weights().sum(), u())?;
         if let Some(&light) = many.outside.get(choice.index) {
@@ -113,7 +115,8 @@ impl Emitters {
     }
 
     /// The probability with which [`Emitters::draw`] draws this one.
-    pub fn probability(&self, lights: &[Light], emitter: Emitter, p: DVec3) -> f64 {
+    pub fn probability(&self, lights: &[Light], emitter: Emitter, receiver: &Receiver) -> f64 {
+        let p = receiver.point;
         let Some(many) = &self.many else {
             if let [_] = lights {
                 return 1.0;
@@ -121,7 +124,7 @@ impl Emitters {
             let total: f64 = lights.iter().map(|light| light.importance(p)).sum();
             return if total > 0.0 { lights[emitter.light as usize].importance(p) / total } else { 0.0 };
         };
-        let within = many.tree.to_point(p);
+        let within = many.tree.to_point(receiver);
         let index = many.index(emitter);
         if many.outside.is_empty() {
             return index.map_or(0.0, |index| within.probability(index));
@@ -250,6 +253,12 @@ mod tests {
         places
     }
 
+    /// Those who receive light there: from all around, and from one side.
+    fn receivers(point: DVec3) -> [Receiver; 2] {
+        let normal = DVec3::new(point.y, 0.3, point.x).normalize();
+        [Receiver::around(point), Receiver { point, normal }]
+    }
+
     fn all(lights: &[Light], emitters: &Emitters) -> Vec<Emitter> {
         let many = emitters.many.as_ref().expect("there are many");
         assert!(many.emitters.len() > 500 && many.outside.len() == 2, "{} lights", lights.len());
@@ -268,9 +277,10 @@ mod tests {
         for (at, p) in places().into_iter().enumerate() {
             let ray = Ray::new(p, (DVec3::new(0.3, 0.1, 0.2) - p).normalize_or(DVec3::Z));
             let along = emitters.along(&ray, (0.1, [5.0, f64::INFINITY][at % 2]), [0.5, 3.0][at / 2 % 2]).unwrap();
-            let to_point = |u| emitters.draw(&lights, p, || u);
+            let receiver = receivers(p)[at % 2];
+            let to_point = |u| emitters.draw(&lights, &receiver, || u);
             let to_segment = |u| along.draw(u);
-            let point = |emitter| emitters.probability(&lights, emitter, p);
+            let point = |emitter| emitters.probability(&lights, emitter, &receiver);
             let segment = |emitter| along.probability(emitter);
             type Draw<'a> = &'a dyn Fn(f64) -> Option<(Emitter, f64)>;
             let ways: [(Draw, &dyn Fn(Emitter) -> f64); 2] = [(&to_point, &point), (&to_segment, &segment)];
@@ -322,7 +332,9 @@ mod tests {
                 let Some(arrival) = light.arrive(&geometry, emitter.triangle, p, &mut stream) else { continue };
                 if arrival.radiance.max_element() > 0.0 {
                     found += 1;
-                    assert!(emitters.probability(&lights, *emitter, p) > 0.0, "{p}: {emitter:?}");
+                    for receiver in receivers(p) {
+                        assert!(emitters.probability(&lights, *emitter, &receiver) > 0.0, "{receiver:?}: {emitter:?}");
+                    }
                 }
             }
         }
@@ -330,7 +342,7 @@ mod tests {
     }
 
     /// How much noisier light is that is asked for so, than if every light were chosen exactly by its irradiance: Σe²/q over
-    /// (Σe)².
+    /// (Σe)². In a medium, and on surfaces that look anywhere.
     #[test]
     fn choices_are_near_the_best() {
         let mut stream = Stream::new(14, Purpose::Test, 0, 0);
@@ -347,22 +359,31 @@ mod tests {
                 }
             })
             .collect();
-        let emitters = Emitters::new(&lights, &Geometry::new(Vec::new()));
+        let geometry = Geometry::new(Vec::new());
+        let emitters = Emitters::new(&lights, &geometry);
         const PLACES: usize = 200;
-        let mut mean = 0.0;
+        let (mut means, mut normals) = ([0.0; 2], Stream::new(15, Purpose::Test, 0, 0));
         for _ in 0..PLACES {
-            let p = 10.0 * DVec3::new(stream.uniform(), stream.uniform(), 0.3 * stream.uniform());
-            let (mut sum, mut squares) = (0.0, 0.0);
-            for (light, kind) in (0..).zip(&lights) {
-                let importance = kind.importance(p);
-                if importance > 0.0 {
-                    sum += importance;
-                    let chance = emitters.probability(&lights, Emitter { light, triangle: None }, p);
-                    squares += importance * importance / chance;
+            let point = 10.0 * DVec3::new(stream.uniform(), stream.uniform(), 0.3 * stream.uniform());
+            let normal = sampling::sphere(normals.uniform2()).normalize();
+            for (mean, receiver) in means.iter_mut().zip([Receiver::around(point), Receiver { point, normal }]) {
+                let (mut sum, mut squares) = (0.0, 0.0);
+                for (light, kind) in (0..).zip(&lights) {
+                    let Some(arrival) = kind.arrive(&geometry, None, point, &mut stream) else {
+                        continue;
+                    };
+                    let cos = if receiver.normal == DVec3::ZERO { 1.0 } else { normal.dot(arrival.direction).max(0.0) };
+                    let brings = kind.importance(point) * cos;
+                    if brings > 0.0 {
+                        sum += brings;
+                        let chance = emitters.probability(&lights, Emitter { light, triangle: None }, &receiver);
+                        squares += brings * brings / chance;
+                    }
                 }
+                // Where all light is below the horizon, nothing is to be chosen.
+                *mean += if sum > 0.0 { squares / (sum * sum) / PLACES as f64 } else { 0.0 };
             }
-            mean += squares / (sum * sum) / PLACES as f64;
         }
-        assert!(mean < 1.35, "{mean}");
+        assert!(means[0] < 1.35 && means[1] < 2.1, "{means:?}");
     }
 }

@@ -14,6 +14,7 @@ mod environment;
 mod extent;
 mod lanes;
 mod point;
+mod receiver;
 mod spot;
 mod tree;
 
@@ -24,6 +25,7 @@ pub(crate) use emitters::Along;
 pub use emitters::{Emitter, Emitters};
 pub use environment::Environment;
 pub use point::Point;
+pub use receiver::Receiver;
 pub use spot::{SoftCone, Spot};
 
 use crate::geometry::Geometry;

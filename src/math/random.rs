@@ -26,7 +26,8 @@ pub enum Purpose {
     Caustic = 8,
 }
 
-/// What a number of a camera sample is for: the first draw of each is spread evenly over a pixel's samples.
+/// What a number of a camera sample or a light path is for: the first draw of each is spread evenly over a pixel's samples, or all
+/// paths of a pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dimension {
     /// The place on the film: two numbers.
@@ -43,6 +44,8 @@ pub enum Dimension {
     Equiangular,
     /// A place on the lens: two numbers.
     Lens,
+    /// Where and whither a path leaves a light: four numbers, of which two are those of the film, where that path does not begin.
+    Departure,
 }
 
 impl Dimension {
@@ -56,12 +59,14 @@ impl Dimension {
             Dimension::Equiangular => 0b1111 << 7,
             Dimension::LightChoice => 0b1 << 11,
             Dimension::Lens => 0b11 << 12,
+            Dimension::Departure => 0b11 | 0b11 << 14,
         }
     }
 }
 
 /// A stream of uniform random numbers. A camera sample's first draws of each kind that [`Dimension`] names come from a
-/// point of a scrambled Sobol' sequence that its pixel's samples share; all others are independent.
+/// point of a scrambled Sobol' sequence that its pixel's samples share, a light path's from one that all of a pass share; all
+/// others are independent.
 #[derive(Clone, Debug)]
 pub struct Stream {
     random: Pcg64Mcg,
@@ -82,7 +87,7 @@ pub(crate) fn mix(mut z: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// Dimensions of the points: those of [`Dimension`], and two to fill a register.
+/// Dimensions of the points.
 const DIMENSIONS: usize = 16;
 
 /// Primitive polynomials, by degree and inner coefficients, and initial direction numbers of the dimensions from the
@@ -168,14 +173,28 @@ impl Stream {
     pub fn of_sample(seed: u64, pixel: u64, number: u64, (pass, sample): (u32, u32)) -> Self {
         let mut stream = Stream::new(seed, Purpose::Camera, pixel, number);
         stream.key = mix(mix(mix(mix(seed) ^ Purpose::Pixel as u64) ^ pixel) ^ pass as u64);
-        let mut bits = sample;
+        stream.spread(sample);
+        stream
+    }
+
+    /// The stream of path `path` from a light, in a pass. Whatever their number, paths from 0 on are spread evenly, those of
+    /// different passes, and each 2³² of one, independently.
+    pub fn of_path(seed: u64, path: u64, pass: u64) -> Self {
+        let mut stream = Stream::new(seed, Purpose::Light, path, pass);
+        stream.key = mix(mix(mix(mix(seed) ^ Purpose::Light as u64) ^ (path >> 32)) ^ pass);
+        stream.spread(path as u32);
+        stream
+    }
+
+    /// Takes this point of the sequence.
+    fn spread(&mut self, number: u32) {
+        let mut bits = number;
         while bits != 0 {
             let row = &DIRECTIONS[bits.trailing_zeros() as usize];
-            stream.point.iter_mut().zip(row).for_each(|(x, direction)| *x ^= direction);
+            self.point.iter_mut().zip(row).for_each(|(x, direction)| *x ^= direction);
             bits &= bits - 1;
         }
-        stream.left = !0;
-        stream
+        self.left = !0;
     }
 
     /// Draws what `of` says: numbers that `draws` takes first come from its dimensions, once a sample; what it leaves of these

@@ -3,6 +3,7 @@
 use std::f64::consts::PI;
 
 use crate::light::{Departure, DrawnFrom, Light};
+use crate::math::random::Dimension;
 use crate::math::{Bounds, DVec3, Distribution, Frame, Ray, Rgb, Stream, choose, sampling};
 use crate::scene::{Glow, Inside, Scene};
 
@@ -231,7 +232,7 @@ impl<'s> Sources<'s> {
 
     /// Draws a photon.
     pub fn start(&self, stream: &mut Stream) -> Option<Start> {
-        let choice = self.shares.choose(stream.uniform())?;
+        let choice = self.shares.choose(stream.draw(Dimension::LightChoice, Stream::uniform))?;
         let mut start = match &self.sources[choice.index] {
             Source::Light(light, inside) => self.start_at_light(*light, inside.as_ref(), stream)?,
             Source::Glow(glow) => self.start_in(glow, stream)?,
@@ -242,7 +243,7 @@ impl<'s> Sources<'s> {
     }
 
     fn start_in(&self, glow: &Glow, stream: &mut Stream) -> Option<Start> {
-        let (point, density) = glow.draw(stream);
+        let (point, density) = stream.draw(Dimension::Departure, |stream| glow.draw(stream));
         let (radiated, inside) = self.scene.radiated(glow.medium, point)?;
         let direction = sampling::sphere(stream.uniform2()).normalize();
         Some(Start {
@@ -256,7 +257,8 @@ impl<'s> Sources<'s> {
 
     fn start_at_light(&self, index: u32, inside: Option<&Inside>, stream: &mut Stream) -> Option<Start> {
         let light = &self.scene.lights[index as usize];
-        let departure = light.depart(&self.scene.geometry, &self.scene.surroundings, stream)?;
+        let depart = |stream: &mut Stream| light.depart(&self.scene.geometry, &self.scene.surroundings, stream);
+        let departure = stream.draw(Dimension::Departure, depart)?;
         let Departure { ray, mut power, .. } = self.redraw(departure, stream)?;
         if light.is_infinite() {
             // What it lost in the world's medium before it came near.

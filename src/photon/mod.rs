@@ -28,6 +28,7 @@ pub use balls::{Ball, PointMap, PointMemory, PointSettings};
 pub use caustics::{CausticPass, Caustics, may_be as may_have_caustics, trace_caustics};
 pub use discs::{Disc, MapSettings, PhotonMap, Plane};
 pub use emission::{Sources, Start};
+pub use history::History;
 pub use instructions::Instructions;
 pub use pass::{Traced, trace};
 pub use radius::{Filling, InMedium, Radii, Radius, narrowing};

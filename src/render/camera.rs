@@ -55,8 +55,7 @@ impl Camera {
         if self.aperture == 0.0 {
             return Ray::new(self.position, (self.forward + across).normalize());
         }
-        let (u, v) = sampling::disc(stream.draw(Dimension::Lens, Stream::uniform2));
-        let lens = self.aperture * (u * self.right + v * self.up);
+        let lens = self.lens(stream);
         let focus = self.focus_distance * (self.forward + across);
         Ray::new(self.position + lens, (focus - lens).normalize())
     }
@@ -85,16 +84,19 @@ impl Camera {
         (self.aperture == 0.0).then_some(Fan { origin: self.position, frame, slope, rays })
     }
 
-    /// How the camera sees `point` from a place drawn on its lens; `None` where it is not on the film. What leaves the point towards
-    /// the lens, per steradian and without what is lost on the way, is multiplied by the view's importance and
+    /// A place drawn on the lens, from its middle.
+    pub fn lens(&self, stream: &mut Stream) -> DVec3 {
+        if self.aperture == 0.0 {
+            return DVec3::ZERO;
+        }
+        let (u, v) = sampling::disc(stream.draw(Dimension::Lens, Stream::uniform2));
+        self.aperture * (u * self.right + v * self.up)
+    }
+
+    /// How the camera sees `point` from a place on its [lens](Camera::lens); `None` where it is not on the film. What leaves the
+    /// point towards the lens, per steradian and without what is lost on the way, is multiplied by the view's importance and
     /// [spread](Camera::spread) over pixels.
-    pub fn view(&self, point: DVec3, stream: &mut Stream) -> Option<View> {
-        let lens = if self.aperture == 0.0 {
-            DVec3::ZERO
-        } else {
-            let (u, v) = sampling::disc(stream.uniform2());
-            self.aperture * (u * self.right + v * self.up)
-        };
+    pub fn view(&self, point: DVec3, lens: DVec3) -> Option<View> {
         let way = self.position + lens - point;
         let distance = way.length();
         let direction = way / distance;

@@ -11,24 +11,32 @@
 //! pixel on a film at distance 1, and θ′ the angle to the axis (Veach 1997, §4.7 and §10.3). It is
 //! unbiased, and finds caustics as photons do. It does not find what is seen through smooth glass or in mirrors, which send
 //! nothing towards a given point. Emitters and the sky, seen directly, are left to camera rays.
+//!
+//! Collisions are rare in thin media, and near the camera each counts for 1/d². So all that passes through such a medium is also
+//! connected from the middle of its flights, at a place drawn in proportion to the angle that the lens sees
+//! (Kulla and Fajardo 2012). Both ways to find light share by the balance heuristic.
 
 use std::ops::{ControlFlow, Range};
 
-use super::camera::Camera;
+use super::camera::{Camera, View};
 use super::eye::{BRIGHTEST, Component, First};
 use super::plan::Plan;
 use super::splat::{Splat, join};
-use crate::math::random::Purpose;
+use crate::math::random::Dimension;
 use crate::math::{Ray, Rgb, Stream};
-use crate::photon::{Sources, Start};
+use crate::medium::Medium;
+use crate::photon::{History, Sources, Start};
 use crate::scene::Scene;
 use crate::surface::{Nature, Side};
 use crate::transport::{
-    Ahead, Events, Heading, Luggage, Part, Parts, Segment, Tally, Traveller, Vertex, Walk, survive, travel,
+    self, Ahead, Collision, Events, Flight, Heading, Luggage, Part, Parts, Segment, Tally, Traveller, Vertex, Walk,
+    balance, equiangular, survive, travel,
 };
 
 /// Paths that one task traces, at most.
 const CHUNK: u64 = 4096;
+/// Media of fewer mean free paths across the scene are thin.
+const THIN: f64 = 8.0;
 
 /// Traces the light of a pass.
 pub(super) struct LightTracer<'s> {
@@ -38,6 +46,9 @@ pub(super) struct LightTracer<'s> {
     max_events: Events,
     seed: u64,
     pass: u64,
+    /// By medium, how close to the camera a flight is connected from its middle; infinite in thin media, negative in those that
+    /// do not scatter.
+    reach: Vec<f64>,
 }
 
 /// What some light paths have left.
@@ -52,7 +63,14 @@ pub(super) struct Sent {
 impl<'s> LightTracer<'s> {
     pub fn new(scene: &'s Scene, camera: &Camera, plan: &Plan, pass: u32) -> Self {
         let (sources, camera) = (Sources::new(scene), camera.clone());
-        LightTracer { scene, camera, sources, max_events: plan.max_events, seed: plan.seed, pass: pass as u64 }
+        let extent = scene.bounds().diagonal();
+        let reach = |medium: &Medium| match equiangular::mean_free_path(medium) {
+            _ if !medium.scatters() => -1.0,
+            path if extent < THIN * path => f64::INFINITY,
+            path => path + camera.aperture(),
+        };
+        let reach = scene.media.iter().map(reach).collect();
+        LightTracer { scene, camera, sources, max_events: plan.max_events, seed: plan.seed, pass: pass as u64, reach }
     }
 
     /// The paths that one sample of all pixels takes.
@@ -72,12 +90,22 @@ impl<'s> LightTracer<'s> {
         first + task * CHUNK..first + ((task + 1) * CHUNK).min(all)
     }
 
+    /// Whether flights along this line are connected from their middles.
+    fn connects_flights(&self, medium: u32, ray: &Ray) -> bool {
+        let reach = self.reach[medium as usize];
+        if reach.is_infinite() || reach < 0.0 {
+            return reach > 0.0;
+        }
+        let offset = self.camera.position - ray.origin;
+        offset.cross(ray.direction).length_squared() < reach * reach
+    }
+
     /// Traces the paths of a task of a sample. `parts` is room for its work.
     pub fn trace(&self, (sample, task): (u32, u64), parts: &mut Parts<'s, Origin>) -> Sent {
         let paths = self.paths(sample, task);
         let mut sent = Sent { splats: Vec::new(), paths: paths.end - paths.start, tally: Tally::default() };
         for path in paths {
-            let mut stream = Stream::new(self.seed, Purpose::Light, path, self.pass);
+            let mut stream = Stream::of_path(self.seed, path, self.pass);
             self.emit(&mut stream, &mut sent, parts);
         }
         join(&mut sent.splats);
@@ -90,7 +118,7 @@ impl<'s> LightTracer<'s> {
             sent.tally.broken += 1;
             return;
         }
-        let luggage = Luggage::new(power, Origin { from_light, ahead: Ahead::default() });
+        let luggage = Luggage::new(power, Origin { history: History::new(from_light), ahead: None, flight: None });
         let start = Part { walk: Walk::start(self.scene, ray, inside), luggage, collision: None };
         travel(&mut Sending { tracer: self, sent, stream }, start, parts);
     }
@@ -98,10 +126,12 @@ impl<'s> LightTracer<'s> {
 
 /// What a light path remembers.
 pub(super) struct Origin {
-    /// Whether it comes from a light, not from a glowing medium.
-    from_light: bool,
+    /// Its way.
+    history: History,
     /// How far it flies, once that is drawn.
-    ahead: Ahead,
+    ahead: Option<Ahead>,
+    /// The flight that it is on, if that is connected from its middle.
+    flight: Option<Flight>,
 }
 
 /// A light path on its way.
@@ -122,9 +152,13 @@ impl<'s> Traveller<'s> for Sending<'_, 's> {
         self.stream
     }
 
-    fn farthest(&mut self, medium: u32, _: &Ray, luggage: &mut Luggage<Origin>) -> f64 {
-        let medium = &self.tracer.scene.media[medium as usize];
-        luggage.own.ahead.draw(medium, luggage.weight, self.stream)
+    fn farthest(&mut self, medium: u32, ray: &Ray, luggage: &mut Luggage<Origin>) -> f64 {
+        if self.tracer.connects_flights(medium, ray) {
+            return f64::INFINITY;
+        }
+        let (medium, weight) = (&self.tracer.scene.media[medium as usize], luggage.weight);
+        let ahead = luggage.own.ahead.insert(Ahead::default());
+        self.stream.draw(Dimension::Flight, |stream| ahead.draw(medium, weight, stream))
     }
 
     fn segment(
@@ -134,9 +168,18 @@ impl<'s> Traveller<'s> for Sending<'_, 's> {
         _: &mut Parts<'s, Origin>,
     ) -> ControlFlow<f64> {
         let medium = &self.tracer.scene.media[segment.medium as usize];
+        let ahead = luggage.own.ahead.take();
+        let connects = ahead.is_none() && self.tracer.connects_flights(segment.medium, segment.ray);
+        luggage.own.flight = connects.then(|| Flight::new(segment, medium, luggage.weight));
+        if let Some(flight) = &luggage.own.flight {
+            self.connect_flight(segment, flight, luggage);
+        }
         let (range, weight) = ((segment.a, segment.b), &mut luggage.weight);
-        let collision =
-            luggage.own.ahead.collide(medium, segment.ray, range, weight, self.stream, &mut self.sent.tally);
+        let tally = &mut self.sent.tally;
+        let mut ahead = ahead.unwrap_or_default();
+        let collision = self
+            .stream
+            .draw(Dimension::Flight, |stream| ahead.collide(medium, segment.ray, range, weight, stream, tally));
         collision.map_or(ControlFlow::Continue(()), ControlFlow::Break)
     }
 
@@ -148,13 +191,15 @@ impl<'s> Traveller<'s> for Sending<'_, 's> {
         _: &mut Parts<'s, Origin>,
     ) -> Option<Heading> {
         luggage.events += 1;
+        let flight = luggage.own.flight.take();
         if at.nature() != Nature::Specular {
-            self.connect(at, luggage);
+            self.connect(at, flight.as_ref(), luggage);
         }
         if !self.tracer.max_events.allows(luggage.events) {
             return None;
         }
         let onward = at.onward(Side::Light, None, &mut luggage.weight, self.stream, survive)?;
+        luggage.own.history = luggage.own.history.after(at.event(&onward));
         Some(Heading { direction: onward.direction, clearance: None })
     }
 
@@ -164,12 +209,49 @@ impl<'s> Traveller<'s> for Sending<'_, 's> {
 }
 
 impl Sending<'_, '_> {
-    /// Sends to the camera what a vertex scatters there.
-    fn connect(&mut self, at: Vertex<'_>, luggage: &Luggage<Origin>) {
+    /// Sends to the camera what a vertex scatters there. `flight`: that which led there, if it was connected from its middle.
+    fn connect(&mut self, at: Vertex<'_>, flight: Option<&Flight>, luggage: &Luggage<Origin>) {
+        let camera = &self.tracer.camera;
+        let lens = camera.lens(self.stream);
+        let Some(view) = camera.view(at.point(), lens) else { return };
+        let share = match (at, flight) {
+            (Vertex::Medium(at), Some(flight)) => {
+                let by_chance = flight.flight_density(at.medium, at.t);
+                balance(by_chance, flight.distance_density(camera.position + lens, at.t))
+            }
+            _ => 1.0,
+        };
+        self.send(at, &view, share * luggage.weight, (luggage.events, luggage.own.history));
+    }
+
+    /// Sends to the camera what a flight scatters there, at a place drawn for the lens.
+    fn connect_flight(&mut self, segment: &Segment<'_>, flight: &Flight, luggage: &Luggage<Origin>) {
         let LightTracer { scene, camera, .. } = self.tracer;
-        let Some(view) = camera.view(at.point(), self.stream) else { return };
+        let lens = camera.lens(self.stream);
+        let u = self.stream.draw(Dimension::Equiangular, Stream::uniform);
+        let Some((t, density)) = flight.draw_distance(camera.position + lens, u) else { return };
+        let point = segment.ray.at(t);
+        let Some(view) = camera.view(point, lens) else { return };
+
+        // What collides there, over the density of both ways to find it.
+        let medium = &scene.media[segment.medium as usize];
+        let both = density + flight.flight_density(medium, t);
+        let mut weight = flight.weight * medium.extinction * (medium.density.at(point) / both);
+        if weight.max_element() <= 0.0 {
+            return;
+        }
+        transport::pass(medium, segment.ray, (segment.a, t), &mut weight, self.stream);
+        let (direction, index, inside) = (segment.ray.direction, segment.medium, segment.inside);
+        let at = Collision { point, direction, t, medium, index, inside, clearance: 0.0 };
+        self.send(Vertex::Medium(&at), &view, weight, (luggage.events + 1, luggage.own.history));
+    }
+
+    /// Sends to the camera what a vertex scatters there of light that arrives with this weight; with its events, that at the vertex
+    /// included, and the way before it.
+    fn send(&mut self, at: Vertex<'_>, view: &View, arriving: Rgb, (events, history): (u64, History)) {
+        let LightTracer { scene, camera, .. } = self.tracer;
         let mut weight = Rgb::ZERO;
-        at.toward(view.direction, Side::Light, false, luggage.weight, self.stream, |arriving, sent| {
+        at.toward(view.direction, Side::Light, false, arriving, self.stream, |arriving, sent| {
             weight += arriving * sent.value;
         });
         if weight.max_element() <= 0.0 {
@@ -189,8 +271,8 @@ impl Sending<'_, '_> {
             Nature::Diffuse => First::Diffuse,
             Nature::Glossy | Nature::Specular => First::Specular,
         };
-        let component = Component::of(Some(first), luggage.events, luggage.own.from_light, false);
-        camera.spread(&view, |pixel, part| {
+        let component = Component::of(Some(first), events, history.from_light, history.is_caustic());
+        camera.spread(view, |pixel, part| {
             self.sent.splats.push(Splat { pixel, component, radiance: part * radiance });
         });
     }

@@ -5,7 +5,7 @@ use smallvec::SmallVec;
 use super::Glow;
 use super::description::Camera;
 use crate::geometry::{Cluster, Geometry};
-use crate::light::{Emitter, Emitters, Light, Surroundings};
+use crate::light::{Emitter, Emitters, Light, Receiver, Surroundings};
 use crate::math::{Bounds, DVec3, Rgb, Stream};
 use crate::medium::Medium;
 use crate::surface::{Material, Paint};
@@ -195,14 +195,14 @@ impl Scene {
     /// Draws a light for a point, or a triangle of one, and the probability it was drawn with, by how much light each
     /// might send there.
     #[inline]
-    pub fn choose_light(&self, p: DVec3, stream: &mut Stream) -> Option<(Emitter, f64)> {
-        self.emitters.draw(&self.lights, p, || stream.uniform())
+    pub fn choose_light(&self, receiver: &Receiver, stream: &mut Stream) -> Option<(Emitter, f64)> {
+        self.emitters.draw(&self.lights, receiver, || stream.uniform())
     }
 
-    /// The probability with which [`Scene::choose_light`] draws this emitter for `p`.
+    /// The probability with which [`Scene::choose_light`] draws this emitter.
     #[inline]
-    pub fn light_choice(&self, emitter: Emitter, p: DVec3) -> f64 {
-        self.emitters.probability(&self.lights, emitter, p)
+    pub fn light_choice(&self, emitter: Emitter, receiver: &Receiver) -> f64 {
+        self.emitters.probability(&self.lights, emitter, receiver)
     }
 
     /// A box around all that the camera can see at a finite distance: surfaces, bounded media, lights of

@@ -10,7 +10,7 @@ use super::balance::balance;
 use super::equiangular::{Draw, Landing};
 use super::glow::{Glows, Rival};
 use super::segment::Crossing;
-use crate::light::{Arrival, Emitter, Light};
+use crate::light::{Arrival, Emitter, Light, Receiver};
 use crate::math::random::Dimension;
 use crate::math::{DVec3, Rgb, Stream};
 use crate::scene::Scene;
@@ -28,12 +28,12 @@ pub struct Asked {
 }
 
 impl Asked {
-    /// Draws a light for a point, and a place on it. `None` where nothing would arrive.
+    /// Draws a light for a receiver, and a place on it. `None` where nothing would arrive.
     #[inline]
-    pub fn draw(scene: &Scene, point: DVec3, stream: &mut Stream) -> Option<Asked> {
-        let (emitter, choice) = stream.draw(Dimension::LightChoice, |stream| scene.choose_light(point, stream))?;
+    pub fn draw(scene: &Scene, receiver: &Receiver, stream: &mut Stream) -> Option<Asked> {
+        let (emitter, choice) = stream.draw(Dimension::LightChoice, |stream| scene.choose_light(receiver, stream))?;
         let light = &scene.lights[emitter.light as usize];
-        let arrive = |stream: &mut Stream| light.arrive(&scene.geometry, emitter.triangle, point, stream);
+        let arrive = |stream: &mut Stream| light.arrive(&scene.geometry, emitter.triangle, receiver.point, stream);
         let arrival = stream.draw(Dimension::Light, arrive)?;
         Some(Asked { emitter, arrival, density: choice * arrival.density })
     }
@@ -63,8 +63,8 @@ pub enum Turn {
     Specular,
     /// At a surface that light was asked for.
     Surface {
-        /// The point that asked.
-        point: DVec3,
+        /// The point that asked, and its side.
+        receiver: Receiver,
         /// The density of the direction per steradian.
         density: f64,
         /// Whether glowing media were asked, too.
@@ -86,9 +86,11 @@ impl Turn {
     pub fn share_of_crossing(&self, scene: &Scene, crossing: &Crossing<'_>) -> f64 {
         match self {
             Turn::Specular => 1.0,
-            Turn::Surface { point, density, .. } => balance(*density, density_of_crossing(scene, crossing, *point)),
+            Turn::Surface { receiver, density, .. } => {
+                balance(*density, density_of_crossing(scene, crossing, receiver))
+            }
             Turn::Medium { point, density, landing } => {
-                let asked = density_of_crossing(scene, crossing, *point);
+                let asked = density_of_crossing(scene, crossing, &Receiver::around(*point));
                 balance(*density, asked + landing.rival_of_crossing(scene, crossing))
             }
         }
@@ -96,35 +98,34 @@ impl Turn {
 
     /// The part of what was met by chance of light `index`, which shines from infinity along `direction`.
     pub fn share_of_escape(&self, scene: &Scene, index: u32, direction: DVec3) -> f64 {
-        match self {
-            Turn::Specular => 1.0,
-            Turn::Surface { point, density, .. } | Turn::Medium { point, density, .. } => {
-                let light = &scene.lights[index as usize];
-                let emitter = Emitter { light: index, triangle: None };
-                balance(*density, scene.light_choice(emitter, *point) * light.escaping_density(direction))
-            }
-        }
+        let (receiver, density) = match self {
+            Turn::Specular => return 1.0,
+            Turn::Surface { receiver, density, .. } => (*receiver, *density),
+            Turn::Medium { point, density, .. } => (Receiver::around(*point), *density),
+        };
+        let light = &scene.lights[index as usize];
+        let emitter = Emitter { light: index, triangle: None };
+        balance(density, scene.light_choice(emitter, &receiver) * light.escaping_density(direction))
     }
 
     /// Who else sends a path the light of a glowing medium: points of it, of which `count` were asked for light.
     pub fn rival<'s>(&self, glows: &Glows<'s>, medium: u32, count: u32) -> Option<Rival<'s>> {
         match self {
             Turn::Specular | Turn::Surface { glows: false, .. } => None,
-            Turn::Surface { point, density, glows: true } | Turn::Medium { point, density, .. } => {
-                glows.rival(medium, *point, count, *density)
-            }
+            Turn::Surface { receiver: Receiver { point, .. }, density, glows: true }
+            | Turn::Medium { point, density, .. } => glows.rival(medium, *point, count, *density),
         }
     }
 }
 
 /// The density per steradian with which a light asked for the point `from` sends a sample along the ray of this crossing,
 /// which starts there and meets the light's surface.
-fn density_of_crossing(scene: &Scene, crossing: &Crossing<'_>, from: DVec3) -> f64 {
+fn density_of_crossing(scene: &Scene, crossing: &Crossing<'_>, from: &Receiver) -> f64 {
     let Light::Area(area) = &scene.lights[crossing.light as usize] else { return 0.0 };
     let emitter = scene.emitters.at(crossing.light, crossing.hit);
     let choice = scene.light_choice(emitter, from);
     let (way, normal) = ((crossing.ray.direction, crossing.hit.t), crossing.hit.normal);
-    if choice > 0.0 { choice * area.density(&scene.geometry, emitter.triangle, from, way, normal) } else { 0.0 }
+    if choice > 0.0 { choice * area.density(&scene.geometry, emitter.triangle, from.point, way, normal) } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -156,6 +157,16 @@ position = [-1, 0, 1]
 intensity = 0.7
 "#;
 
+    /// The same, and rows of balls that shine from below the surface: a tree chooses, by the surface's normal.
+    fn many_lamps() -> String {
+        let ball = |i: i32| {
+            let (x, y) = (2.5 * f64::from(i % 4) - 4.0, 2.5 * f64::from(i / 4) - 4.0);
+            let place = format!("center = [{x}, {y}, -1.5]\nradius = 0.7");
+            format!("[[shapes]]\ntype = \"sphere\"\n{place}\nemission = {{ radiance = 2 }}\n")
+        };
+        std::iter::once(LAMPS.to_string()).chain((0..16).map(ball)).collect()
+    }
+
     /// Light met on the way from a place, with its part.
     struct Meeting<'a> {
         scene: &'a Scene,
@@ -178,29 +189,28 @@ intensity = 0.7
     }
 
     /// What a white surface reflects: asked for without sharing, and asked for and met with their parts, against its irradiance,
-    /// E = πL (r/d)² cos for a ball above the horizon. However coarsely rays are put off the surface, as far from the camera.
+    /// E = πL (r/d)² cos for a ball above the horizon; of few lights and of many. However coarsely rays are put off the surface, as far from the camera.
     #[test]
     fn what_is_asked_and_what_is_met_make_up_the_light() {
         const N: usize = 200_000;
-        let (scene, _) = scene::from_text(LAMPS);
-        let point = -scene.center;
         let white = Bsdf::from(Reflector::Lambert(Lambert { reflectance: Rgb::ONE }));
-        let at = Interaction { point, ..interaction(white, Incidence::head_on()) };
         let (center, radius) = (DVec3::new(0.0, 1.0, 2.0), 0.8f64);
         let seen = (radius / center.length()).powi(2) * center.normalize().z;
         let lamp = 0.7 / 2.0 * 0.5f64.sqrt() / std::f64::consts::PI;
         let expected = 3.0 * seen + 0.25 * (1.0 - seen) + lamp;
 
         let mut failed = Vec::new();
-        for offset in [1e-13, 1e-6] {
-            let at = Interaction { offset, ..at.clone() };
+        for (text, offset) in [(LAMPS.to_string(), 1e-13), (LAMPS.to_string(), 1e-6), (many_lamps(), 1e-13)] {
+            let (scene, _) = scene::from_text(&text);
+            let point = -scene.center;
+            let at = Interaction { point, offset, ..interaction(white, Incidence::head_on()) };
             let vertex = Vertex::Surface(&at);
             let mut sums = [[0.0; 2]; 2];
             for k in 0..N {
                 let mut stream = random(5000 + k);
                 // Asked for, with its part and without.
                 let mut asked = [0.0; 2];
-                if let Some(light) = Asked::draw(&scene, point, &mut stream) {
+                if let Some(light) = Asked::draw(&scene, &vertex.receiver(), &mut stream) {
                     let mut weights = [Rgb::ZERO; 2];
                     let towards = light.arrival.direction;
                     vertex.toward(towards, Side::Eye, false, Rgb::ONE, &mut stream, |weight, sent| {
@@ -220,7 +230,7 @@ intensity = 0.7
                     true
                 });
                 let onward = onward.expect("white surfaces absorb nothing");
-                let turn = Turn::Surface { point, density: onward.density, glows: false };
+                let turn = Turn::Surface { receiver: vertex.receiver(), density: onward.density, glows: false };
                 let (ray, inside) = at.departure(onward.direction);
                 let mut meeting = Meeting { scene: &scene, turn, found: 0.0 };
                 if let Stop::Escaped = Walk::new(&scene, ray, inside).advance(&mut meeting) {
@@ -241,7 +251,10 @@ intensity = 0.7
                 let error = ((squares / N as f64 - mean * mean) / N as f64).sqrt();
                 let off = (mean - expected).abs();
                 let holds = off < 4.0 * error && error < 0.02 * expected;
-                failed.extend((!holds).then(|| format!("{what}, {offset}: {mean} ± {error}, not {expected}")));
+                let lights = scene.lights.len();
+                failed.extend(
+                    (!holds).then(|| format!("{what}, {lights} lights, {offset}: {mean} ± {error}, not {expected}")),
+                );
             }
         }
         assert!(failed.is_empty(), "{failed:#?}");

@@ -98,14 +98,14 @@ impl Flight {
         Seen { foot, aside, start, angle }
     }
 
-    /// The density per length of drawing `t` for a light at `to`.
-    fn distance_density(&self, to: DVec3, t: f64) -> f64 {
+    /// The density per length with which [`Flight::draw_distance`] draws `t`.
+    pub fn distance_density(&self, to: DVec3, t: f64) -> f64 {
         let seen = self.seen_from(to);
         if seen.angle > 0.0 { seen.density(t) } else { 0.0 }
     }
 
-    /// Draws `t` for a light at `to`; with the density.
-    fn draw_distance(&self, to: DVec3, u: f64) -> Option<(f64, f64)> {
+    /// Draws a place `t` of the segment for a light, or a lens, at `to`: in proportion to the angle that it sees; with the density.
+    pub fn draw_distance(&self, to: DVec3, u: f64) -> Option<(f64, f64)> {
         let seen = self.seen_from(to);
         let Seen { foot, aside, start, angle } = seen;
         // foot + aside tan(α + u angle), of tan α = start/aside, by the tangent of a sum.
@@ -175,7 +175,7 @@ impl Seen {
 }
 
 /// Where the medium is densest, by its mean extinction.
-fn mean_free_path(medium: &Medium) -> f64 {
+pub fn mean_free_path(medium: &Medium) -> f64 {
     1.0 / (medium.extinction.element_sum() / 3.0 * medium.density.max())
 }
 

@@ -1,7 +1,8 @@
 //! A vertex: where a path turns, and what is done with light there.
 
 use super::shadow::{ShadowRay, transmit};
-use super::surface::Interaction;
+use super::surface::{Event, Interaction};
+use crate::light::Receiver;
 use crate::math::random::Dimension;
 use crate::math::{DVec3, Rgb, Stream};
 use crate::medium::Medium;
@@ -42,6 +43,24 @@ impl Vertex<'_> {
         match self {
             Vertex::Surface(at) => at.point,
             Vertex::Medium(at) => at.point,
+        }
+    }
+
+    /// Who asks for light here: where a surface only reflects, it gets none from beyond.
+    pub fn receiver(&self) -> Receiver {
+        match self {
+            Vertex::Surface(at) if at.bsdf.boundary(&at.incidence).is_none() => {
+                Receiver { point: at.point, normal: at.incidence.shading_normal }
+            }
+            _ => Receiver::around(self.point()),
+        }
+    }
+
+    /// What happened to what went on so.
+    pub fn event(&self, onward: &Onward) -> Event {
+        match self {
+            Vertex::Surface(at) => at.event(onward),
+            Vertex::Medium(_) => Event::Scattered,
         }
     }
 

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use super::component::Component;
 use super::{Looking, Path, Spread};
-use crate::light::{Arrival, Light};
+use crate::light::{Arrival, Light, Receiver};
 use crate::math::random::Dimension;
 use crate::math::{DVec3, Ray, Rgb};
 use crate::surface::{Nature, Side};
@@ -53,7 +53,7 @@ impl Looking<'_, '_, '_> {
     /// Light straight from a light.
     pub(super) fn ask_light(&mut self, at: Vertex<'_>, luggage: &Luggage<Path>, both: bool, landing: Option<&Landing>) {
         let (scene, stream) = (self.eye.scene, &mut *self.context.stream);
-        let Some(asked) = Asked::draw(scene, at.point(), stream) else { return };
+        let Some(asked) = Asked::draw(scene, &at.receiver(), stream) else { return };
         let Asked { emitter, arrival, .. } = asked;
 
         // Who else might have found it: the path by chance, and in media the equiangular draw of the collision.
@@ -119,7 +119,7 @@ impl Looking<'_, '_, '_> {
 
         // Its part, where flights draw that collision, and the light is asked for or met from there.
         let phase = medium.phase.value(segment.ray.direction, draw.arrival.direction);
-        let asked = scene.light_choice(draw.emitter, point) * draw.arrival.density;
+        let asked = scene.light_choice(draw.emitter, &Receiver::around(point)) * draw.arrival.density;
         let met = if self.eye.straight_on() { 0.0 } else { phase };
         let scattering = medium.extinction * medium.albedo * (density * phase);
         let mut weight = luggage.weight * scattering * draw.over(by_flight(draw.t), asked, met);

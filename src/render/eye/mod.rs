@@ -300,7 +300,7 @@ impl<'s> Looking<'_, '_, 's> {
         let onward = vertex.onward(Side::Eye, lobe, &mut luggage.weight, self.context.stream, always)?;
         if onward.density > 0.0 {
             let diffuse = vertex.nature() == Nature::Diffuse;
-            luggage.own.turn = Turn::Surface { point: at.point, density: onward.density, glows: diffuse };
+            luggage.own.turn = Turn::Surface { receiver: vertex.receiver(), density: onward.density, glows: diffuse };
             luggage.own.bent = false;
             luggage.own.spread = match (diffuse, luggage.events) {
                 (false, _) => Spread::Other,
