@@ -643,7 +643,6 @@ const LATER: &[&str] = &[
     "[surface]\nirradiance_cache = true\n",
     "[surface]\nneighbours = 80\n",
     "[surface]\nfilter = \"cone\"\n",
-    "[materials.a]\ntype = \"schlick\"\nlayer = { f0 = 1, roughness = 0.5, isotropy = 1 }\n",
 ];
 
 #[test]

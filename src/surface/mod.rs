@@ -9,6 +9,7 @@
 //! [`Reflector`], and among the readers of scene files in `scene/read/materials.rs`. Coats and mixtures are made of such. A
 //! [`Paint`] puts textures in place of a material's constants where light meets it.
 
+mod coat;
 mod coated;
 mod conductor;
 mod dielectric;
@@ -28,6 +29,7 @@ mod smooth;
 mod texture;
 mod thin;
 
+pub use coat::{Coat, Varnish};
 pub use coated::Coated;
 pub use conductor::{Conductor, Fresnel};
 pub use dielectric::{Dielectric, Lobe};
@@ -223,7 +225,7 @@ impl Bsdf {
     pub fn is_partly_specular(&self) -> bool {
         match self {
             Bsdf::Reflector(reflector) => reflector.is_partly_specular(),
-            Bsdf::Coated(coated) => coated.roughness == 0.0,
+            Bsdf::Coated(coated) => coated.is_partly_specular(),
             Bsdf::Mix(mix) => mix.a.is_partly_specular() || mix.b.is_partly_specular(),
             Bsdf::Thin(_) | Bsdf::Smooth(_) => true,
             Bsdf::Rough(_) => false,
@@ -234,7 +236,7 @@ impl Bsdf {
     pub fn is_anisotropic(&self) -> bool {
         match self {
             Bsdf::Reflector(reflector) => reflector.is_anisotropic(),
-            Bsdf::Coated(coated) => coated.base.is_anisotropic(),
+            Bsdf::Coated(coated) => coated.is_anisotropic(),
             Bsdf::Mix(mix) => mix.a.is_anisotropic() || mix.b.is_anisotropic(),
             Bsdf::Thin(_) | Bsdf::Smooth(_) | Bsdf::Rough(_) => false,
         }
@@ -245,7 +247,7 @@ impl Bsdf {
         let number = (value.element_sum() / 3.0).clamp(0.0, 1.0);
         match (self, constituent, parameter) {
             (Bsdf::Reflector(reflector), ..) => reflector.set(parameter, value),
-            (Bsdf::Coated(coated), Constituent::Whole, Parameter::Roughness) => coated.roughness = number,
+            (Bsdf::Coated(coated), Constituent::Whole, _) => coated.coat.set(parameter, value),
             (Bsdf::Coated(coated), Constituent::First, _) => coated.base.set(parameter, value),
             (Bsdf::Mix(mix), Constituent::Whole, Parameter::Weight) => mix.weight = number,
             (Bsdf::Mix(mix), Constituent::First, _) => mix.a.set(parameter, value),

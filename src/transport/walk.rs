@@ -7,7 +7,7 @@ use super::surface::Interaction;
 use crate::geometry::{Cluster, Hit};
 use crate::math::{DVec3, Ray, error_bound};
 use crate::scene::{Inside, Scene};
-use crate::surface::{Bsdf, Incidence, Material, Paint, Rough, Smooth, TexturePoint};
+use crate::surface::{Bsdf, Coat, Coated, Incidence, Material, Paint, Rough, Smooth, TexturePoint};
 
 /// A photon or an eye path on its way.
 #[derive(Clone)]
@@ -173,8 +173,8 @@ impl<'s> Walk<'s> {
                     if let Some((paint, at)) = self.paint(hit) {
                         paint.put_on(&mut bsdf, &at);
                     }
-                    if let Bsdf::Coated(coated) = &mut bsdf {
-                        coated.outside = scene.index(&self.inside).x;
+                    if let Bsdf::Coated(Coated { coat: Coat::Dielectric(varnish), .. }) = &mut bsdf {
+                        varnish.outside = scene.index(&self.inside).x;
                     }
                     return Some((*hit, bsdf));
                 }

@@ -8,8 +8,8 @@ use crate::math::Rgb;
 use crate::scene::description::{Located, Material, Texture};
 use crate::scene::table::{Item, Read, Table};
 use crate::surface::{
-    self, Bsdf, Coated, Conductor, Constituent, Dielectric, Fresnel, Lambert, Mirror, Mix, OrenNayar, Parameter, Phong,
-    Reflector, Relief, Schlick, Slot, Thin,
+    self, Bsdf, Coat, Coated, Conductor, Constituent, Dielectric, Fresnel, Lambert, Mirror, Mix, OrenNayar, Parameter,
+    Phong, Reflector, Relief, Schlick, Slot, Thin, Varnish,
 };
 
 /// What shapes without a `material` are made of where they have an interior; a scene need not define it.
@@ -111,15 +111,16 @@ pub(super) fn material(name: &str, item: &Item, all: &Materials) -> Read<Materia
         Reflector(ReadReflector),
         Other(fn(&Reading, &Table) -> Read<surface::Material>),
     }
-    let others: [(&str, Reader); 5] = [
+    let others: [(&str, Reader); 6] = [
+        ("schlick", Reader::Other(schlick_layers)),
         ("dielectric", Reader::Other(dielectric)),
         ("thin_dielectric", Reader::Other(thin_dielectric)),
         ("coated", Reader::Other(coated)),
         ("mix", Reader::Other(mix)),
         ("none", Reader::Other(|_, _| Ok(surface::Material::None))),
     ];
-    let kinds: Vec<(&str, Reader)> =
-        REFLECTORS.iter().map(|&(name, read)| (name, Reader::Reflector(read))).chain(others).collect();
+    let reflectors = REFLECTORS.iter().map(|&(name, read)| (name, Reader::Reflector(read)));
+    let kinds: Vec<(&str, Reader)> = reflectors.filter(|(name, _)| *name != "schlick").chain(others).collect();
     let table = item.table()?;
     let read = table.require("type", |item| item.choice(&kinds, &[]))?;
     let reading = Reading::new(all);
@@ -219,11 +220,36 @@ fn conductor(reading: &Reading, table: &Table) -> Read<Reflector> {
 }
 
 fn schlick(reading: &Reading, table: &Table) -> Read<Reflector> {
+    let schlick = schlick_layer(reading, table);
+    table.get("layer", |item| -> Read<()> {
+        Err(item.fail("a base, or a part of a mixture of two that reflect, has one layer; expected no second one"))
+    })?;
+    schlick.map(Reflector::Schlick)
+}
+
+fn schlick_layer(reading: &Reading, table: &Table) -> Read<Schlick> {
     let f0 = reading.share(table, "f0", Parameter::F0, 0.5);
     let roughness = reading.number(table, "roughness", Parameter::Roughness, 0.1);
     let isotropy = table.get_or("isotropy", 1.0, |item| item.above_up_to(0.0, 1.0));
-    table.later("layer")?;
-    Ok(Reflector::Schlick(Schlick { f0: f0?, roughness: roughness?, isotropy: isotropy? }))
+    Ok(Schlick { f0: f0?, roughness: roughness?, isotropy: isotropy? })
+}
+
+/// Schlick's surface of one layer, or of two: the keys of the table are the upper one's.
+fn schlick_layers(reading: &Reading, table: &Table) -> Read<surface::Material> {
+    let upper = schlick_layer(reading, table);
+    let lower = table.get("layer", |item| {
+        let part = Reading { constituent: Constituent::First, ..Reading::new(reading.all) };
+        let table = item.table()?;
+        let lower = schlick_layer(&part, &table);
+        table.finish()?;
+        reading.textures.borrow_mut().append(&mut part.textures.borrow_mut());
+        lower
+    });
+    let (upper, lower) = (upper?, lower?);
+    Ok(match lower {
+        None => Reflector::Schlick(upper).into(),
+        Some(lower) => Bsdf::Coated(Coated { base: Reflector::Schlick(lower), coat: Coat::Schlick(upper) }).into(),
+    })
 }
 
 fn dielectric(reading: &Reading, table: &Table) -> Read<surface::Material> {
@@ -241,7 +267,8 @@ fn coated(reading: &Reading, table: &Table) -> Read<surface::Material> {
     let base = reading.part(table, "base", Constituent::First);
     let index = table.get_or("ior", 1.5, Item::positive);
     let roughness = reading.number(table, "roughness", Parameter::Roughness, 0.0);
-    Ok(Bsdf::Coated(Coated { base: base?, index: index?, roughness: roughness?, outside: 1.0 }).into())
+    let coat = Coat::Dielectric(Varnish { index: index?, roughness: roughness?, outside: 1.0 });
+    Ok(Bsdf::Coated(Coated { base: base?, coat }).into())
 }
 
 fn mix(reading: &Reading, table: &Table) -> Read<surface::Material> {
