@@ -155,7 +155,8 @@ impl<'d> Builder<'d> {
         for Unplaced { index, shape, transform, instance } in shapes {
             let said = &description.shapes[index];
             let placed = Placed::new(shape, self.moved() * transform).map_err(|error| said.place.error(error))?;
-            let material = description.materials[said.material.value].kind;
+            let material_index = self.met_everywhere(said.material.value);
+            let material = description.materials[material_index].kind;
             let medium = match &said.interior {
                 Some(interior) => Some(self.medium(interior.value, instance)?),
                 None => None,
@@ -172,7 +173,7 @@ impl<'d> Builder<'d> {
                 Strength::Radiance(radiance) => Shine::Radiance(radiance, emission.side),
                 Strength::Power(power) => Shine::Power(power, emission.side),
             });
-            let paint = self.paint(said, &placed)?;
+            let paint = self.paint(material_index, &said.material.place, &placed)?;
             self.parts.push(Part {
                 placed,
                 surface: Surface { material, solid: None, light: None, paint },
@@ -384,6 +385,7 @@ impl<'d> Builder<'d> {
 
     fn finish(mut self) -> Result<Scene> {
         let description = self.description;
+        let finishes = self.finishes()?;
         let world = match &description.world.medium {
             Some(medium) => Some(self.medium(medium.value, None)?),
             None => None,
@@ -424,11 +426,14 @@ impl<'d> Builder<'d> {
             }
         }
 
+        let has_holes = surfaces.iter().any(|surface| surface.material.shades() && !surface.material.is_opaque());
         let mut scene = Scene {
             camera,
             geometry,
             surfaces,
             paints: self.paints,
+            finishes,
+            has_holes,
             solids,
             world,
             world_region: 0,

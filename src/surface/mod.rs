@@ -19,6 +19,7 @@ mod incidence;
 mod lambert;
 mod mirror;
 mod mix;
+mod mixture;
 mod nature;
 mod oren_nayar;
 mod phong;
@@ -38,6 +39,7 @@ pub use incidence::{Incidence, Side};
 pub use lambert::Lambert;
 pub use mirror::Mirror;
 pub use mix::Mix;
+pub use mixture::Mixture;
 pub use nature::{Boundary, Drawn, Nature, Onward, Scattering, Straight};
 pub use oren_nayar::OrenNayar;
 pub use phong::Phong;
@@ -61,6 +63,8 @@ pub enum Material {
     Dielectric(Dielectric),
     /// No surface, but an index-matched boundary: light passes, only the medium changes.
     None,
+    /// One of two materials, by chance wherever light meets it.
+    Mixture(Mixture),
     /// Reflects, and lets no light pass that is asked for.
     // Serialised as scene files say it: `lambert`, not `opaque.lambert`. Serde wants such a variant last.
     #[serde(untagged)]
@@ -74,14 +78,23 @@ impl Material {
 
     /// Whether no light passes through that is asked for.
     pub fn is_opaque(&self) -> bool {
-        matches!(self, Material::Opaque(_))
+        match self {
+            Material::Opaque(_) => true,
+            Material::Mixture(mixture) => !mixture.has_holes,
+            Material::Dielectric(_) | Material::None => false,
+        }
     }
 
-    /// Whether it absorbs any light.
+    /// Whether it keeps off any light that is asked for.
+    pub fn shades(&self) -> bool {
+        matches!(self, Material::Opaque(_) | Material::Mixture(_))
+    }
+
+    /// Whether it is known to absorb light.
     pub fn absorbs(&self) -> bool {
         match self {
             Material::Opaque(bsdf) => bsdf.albedo(&Incidence::head_on()).min_element() < 1.0,
-            Material::Dielectric(_) | Material::None => false,
+            Material::Dielectric(_) | Material::None | Material::Mixture(_) => false,
         }
     }
 
@@ -89,7 +102,7 @@ impl Material {
     pub fn index(&self) -> Option<Rgb> {
         match self {
             Material::Dielectric(dielectric) => Some(dielectric.index),
-            Material::Opaque(_) | Material::None => None,
+            Material::Opaque(_) | Material::None | Material::Mixture(_) => None,
         }
     }
 }

@@ -109,7 +109,7 @@ fn lights_without_size(scene: &Description, warnings: &mut Vec<String>) {
     if scene.render.method != Method::Path {
         return;
     }
-    let hides = |shape: &&Shape| shape.visible && hides_lights(scene.materials[shape.material.value].kind);
+    let hides = |shape: &&Shape| shape.visible && hides_lights(scene, scene.materials[shape.material.value].kind);
     let without_size = |light: &&Light| {
         let none = match light.kind {
             LightKind::Point { radius, .. } | LightKind::Spot { radius, .. } => radius == 0.0,
@@ -137,8 +137,8 @@ fn unseen_by_light_tracing(scene: &Description, warnings: &mut Vec<String>) {
         return;
     }
     let is_smooth = |material: Material| match material {
-        Material::Dielectric(dielectric) => dielectric.roughness == 0.0 && hides_lights(material),
-        material => hides_lights(material),
+        Material::Dielectric(dielectric) => dielectric.roughness == 0.0 && hides_lights(scene, material),
+        material => hides_lights(scene, material),
     };
     let hides = |shape: &&Shape| shape.visible && is_smooth(scene.materials[shape.material.value].kind);
     let shapes: Vec<&str> = scene.shapes.iter().filter(hides).map(|shape| shape.place.key()).collect();
@@ -152,11 +152,14 @@ fn unseen_by_light_tracing(scene: &Description, warnings: &mut Vec<String>) {
 }
 
 /// Whether lights by way of this material are found only by hitting them.
-fn hides_lights(material: Material) -> bool {
+fn hides_lights(scene: &Description, material: Material) -> bool {
     match material {
         Material::Opaque(bsdf) => bsdf.is_partly_specular(),
         Material::Dielectric(dielectric) => dielectric.index != Rgb::ONE,
         Material::None => false,
+        Material::Mixture(mixture) => {
+            [mixture.a, mixture.b].iter().any(|part| hides_lights(scene, scene.materials[*part as usize].kind))
+        }
     }
 }
 
