@@ -73,6 +73,7 @@ impl<'s> Sources<'s> {
             let inside = match light {
                 Light::Point(point) => Some(scene.inside(point.position)),
                 Light::Spot(spot) => Some(scene.inside(spot.position)),
+                Light::Goniometric(lamp) => Some(scene.inside(lamp.position)),
                 Light::Area(area) => inside_all(scene, &area.bounds),
                 _ => scene.solids.is_empty().then(Inside::default),
             };

@@ -14,7 +14,7 @@ use super::world::{Scene, Solid, Surface};
 use super::{Glow, Settings};
 use crate::geometry::{Cuboid, Cylinder, Disk, Geometry, Lathe, Mesh, Placed, Quad, Shape, Sphere};
 use crate::image::Image;
-use crate::light::{Area, Directivity, Emitters, Light, Sides, Surroundings};
+use crate::light::{Area, Directivity, Emitters, Light, Profile, Sides, Surroundings};
 use crate::math::{Bounds, DAffine3, DVec3, Rgb};
 use crate::medium::black_body::BlackBody;
 use crate::medium::density::bricks::{BrickGrid, Interpolation, NegativePolicy};
@@ -92,6 +92,7 @@ struct Builder<'d> {
     /// By index of the material in the description.
     painted: HashMap<usize, u32>,
     lights: Vec<Light>,
+    profiles: HashMap<PathBuf, Arc<Profile>>,
     warnings: Vec<String>,
 }
 
@@ -111,6 +112,7 @@ impl<'d> Builder<'d> {
             paints: Vec::new(),
             painted: HashMap::new(),
             lights: Vec::new(),
+            profiles: HashMap::new(),
             warnings: description.warnings.clone(),
         }
     }

@@ -178,6 +178,7 @@ impl Description {
         for light in &mut self.lights {
             match &mut light.kind {
                 LightKind::Environment { source: EnvironmentSource::Image(file), .. } => files.push(&mut file.value),
+                LightKind::Profile { file, .. } => files.push(&mut file.value),
                 LightKind::Environment { source: EnvironmentSource::Constant(_), .. }
                 | LightKind::Point { .. }
                 | LightKind::Spot { .. }

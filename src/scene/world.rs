@@ -218,6 +218,7 @@ impl Scene {
             let position = match light {
                 Light::Point(point) => Some(point.position),
                 Light::Spot(spot) => Some(spot.position),
+                Light::Goniometric(lamp) => Some(lamp.position),
                 Light::Directional(light) => light.beam.map(|beam| beam.0),
                 Light::Environment(_) | Light::Area(_) => None,
             };

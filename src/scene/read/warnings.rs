@@ -2,7 +2,8 @@
 
 use crate::math::Rgb;
 use crate::scene::description::{
-    Description, EnvironmentSource, Light, LightKind, Medium, MediumEmission, Method, Place, Shape, Strength,
+    Description, EnvironmentSource, Light, LightKind, Medium, MediumEmission, Method, Place, ProfileStrength, Shape,
+    Strength,
 };
 use crate::surface::Material;
 
@@ -32,6 +33,7 @@ fn no_light(scene: &Description, warnings: &mut Vec<String>) {
 fn shines(light: &Light) -> bool {
     let strength = match &light.kind {
         LightKind::Point { intensity, .. } | LightKind::Spot { intensity, .. } => *intensity,
+        LightKind::Profile { strength: ProfileStrength::Intensity(all) | ProfileStrength::Power(all), .. } => *all,
         LightKind::Directional { irradiance, .. } => *irradiance,
         LightKind::Environment { source: EnvironmentSource::Constant(radiance), scale, .. } => *radiance * *scale,
         LightKind::Environment { source: EnvironmentSource::Image(_), scale, .. } => *scale,
@@ -113,6 +115,7 @@ fn lights_without_size(scene: &Description, warnings: &mut Vec<String>) {
     let without_size = |light: &&Light| {
         let none = match light.kind {
             LightKind::Point { radius, .. } | LightKind::Spot { radius, .. } => radius == 0.0,
+            LightKind::Profile { .. } => true,
             LightKind::Directional { angle, .. } => angle == 0.0,
             LightKind::Environment { .. } => false,
         };
