@@ -6,8 +6,8 @@
 //! agree: tests hold every kind to that.
 //!
 //! A new material that reflects is one file, with its parameters, `value` and `sample`, and its lines where kinds are listed: in
-//! [`Reflector`], and among the readers of scene files in `scene/read/materials.rs`. Coats and mixtures are made of such. A
-//! [`Paint`] puts textures in place of a material's constants where light meets it.
+//! [`Reflector`], and among the readers of scene files in `scene/read/materials.rs`. Coats, and mixtures that
+//! are asked as a whole, are made of such; a [`Mixture`] is of anything, and drawn from where light meets it. A [`Paint`] puts textures in place of a material's constants where light meets it.
 
 mod coat;
 mod coated;
