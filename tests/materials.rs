@@ -102,6 +102,154 @@ fn all_methods_agree_among_all_materials() {
     checks.finish();
 }
 
+/// A lamp behind lace, leaves cut out of a quad, and a veil of two layers around a ball of fog, in haze.
+const VEILS: &str = r#"
+[film]
+width = 12
+height = 9
+layers = false
+[camera]
+position = [0, 1.3, 5]
+target = [0, 0.9, 0]
+fov = 36
+[media.haze]
+sigma_s = 0.12
+[media.fog]
+sigma_s = [0.6, 1.2, 2.0]
+[materials.floor]
+type = "lambert"
+reflectance = 0.5
+[materials.glaze]
+type = "coated"
+base = { type = "lambert", reflectance = [0.7, 0.2, 0.1] }
+roughness = 0.4
+[materials.lace]
+type = "mix"
+a = "none"
+b = { type = "mix", a = "glaze", b = { type = "conductor", metal = "Cu", roughness = 0.4 }, weight = 0.3 }
+weight = { texture = "checker", scale = 6, a = 0, b = 1 }
+[materials.leaf]
+type = "mix"
+a = { type = "lambert", reflectance = [0.2, 0.5, 0.1], bump = { texture = "noise", scale = 0.1, a = 0, b = 1 }, strength = 0.02 }
+b = "none"
+weight = { texture = "noise", scale = 0.3, octaves = 2, threshold = 0.4, a = 0, b = 1 }
+[materials.veil]
+type = "mix"
+a = { type = "schlick", f0 = 0.2, roughness = 0.6, layer = { f0 = [0.8, 0.7, 0.3], roughness = 0.8 } }
+b = "none"
+weight = 0.6
+[[shapes]]
+type = "box"
+min = [-3, 0, -3]
+max = [3, 3, 6]
+material = "floor"
+[[shapes]]
+type = "box"
+min = [-2.9, 0.1, -2.9]
+max = [2.9, 2.9, 4]
+interior = "haze"
+[[shapes]]
+type = "quad"
+origin = [-1.6, 0.2, -0.4]
+edge_u = [1.3, 0, 0.3]
+edge_v = [0, 1.4, 0]
+material = "lace"
+[[shapes]]
+type = "quad"
+origin = [-0.4, 0.9, 0.6]
+edge_u = [0.9, 0, 0]
+edge_v = [0, 0.5, 0.4]
+material = "leaf"
+[[shapes]]
+type = "sphere"
+center = [1.0, 0.8, 0]
+radius = 0.6
+material = "veil"
+interior = "fog"
+priority = 1
+[[shapes]]
+type = "sphere"
+center = [-0.7, 1.4, -1.4]
+radius = 0.3
+emission = { radiance = 20 }
+"#;
+
+#[test]
+fn all_methods_agree_behind_masks() {
+    let mut checks = Checks::default();
+    let grey = |images: &[Image]| Estimate::over(images, |image| [image.mean(); 3]);
+    let path = grey(&images(16, VEILS, &["render.method=path", "render.samples=250"]));
+    let photon = images(16, VEILS, &["render.method=photon", "render.samples=100", "photons.volume=60_000"]);
+    let light = images(16, VEILS, &["render.method=light", "render.samples=300"]);
+    checks.agree("veils", &grey(&photon), &path, 0.008, 0.004);
+    checks.agree("veils, by light", &grey(&light), &path, 0.008, 0.0);
+    checks.finish();
+}
+
+/// A mask with all of one part is that part, bit for bit.
+#[test]
+fn masks_of_all_or_nothing_are_what_they_are_made_of() {
+    let image = |material: &str| {
+        let text = VEILS.replace("material = \"lace\"", &format!("material = \"{material}\""));
+        let masks = "[materials.all]\ntype = \"mix\"\na = \"none\"\nb = \"glaze\"\nweight = 1\n\
+                     [materials.nothing]\ntype = \"mix\"\na = \"none\"\nb = \"glaze\"\nweight = 0\n";
+        images(1, &format!("{masks}{text}"), &["render.method=path", "render.samples=4"]).remove(0).pixels
+    };
+    assert!(image("all") == image("glaze"));
+    assert!(image("nothing") == image("none"));
+    assert!(image("all") != image("nothing"));
+}
+
+/// Of light through a hundred masks, the share passes that passes each, to the power of their number: of what is seen by chance, and
+/// of what is asked for exactly. Masks that mirror send light to and fro between them, and it comes to an end.
+#[test]
+fn many_masks_pass_the_product() {
+    const MASKS: i32 = 100;
+    let scene = |masks: i32| {
+        let mut text = "[film]\nwidth = 4\nheight = 4\nlayers = false\n\
+             [camera]\nposition = [0, 0, 5]\ntarget = [0, 0, 0]\nfov = 10\n\
+             [materials.white]\ntype = \"lambert\"\n\
+             [materials.mask]\ntype = \"mix\"\na = \"none\"\nb = { type = \"mirror\", reflectance = 0 }\nweight = 0.02\n\
+             [materials.sieve]\ntype = \"mix\"\na = \"none\"\nb = \"mirror\"\n\
+             [materials.mirror]\ntype = \"mirror\"\n"
+            .to_string();
+        for i in 0..masks {
+            let z = 1.0 + f64::from(i) / f64::from(MASKS);
+            text += &format!(
+                "[[shapes]]\ntype = \"disk\"\ncenter = [0, 0, {z}]\nnormal = [0, 0, 1]\nradius = 30\nmaterial = \"mask\"\n"
+            );
+        }
+        text
+    };
+    let seen = "[[shapes]]\ntype = \"disk\"\ncenter = [0, 0, 0]\nnormal = [0, 0, 1]\nradius = 9\nemission = { radiance = 1 }\n";
+    let found = Estimate::of(8, &(scene(MASKS) + seen), &["render.method=path", "render.samples=300"]);
+    let expected = 0.98f64.powi(MASKS);
+    assert!((found.mean[0] - expected).abs() < 4.0 * found.standard_error[0], "{found:?}, not {expected}");
+    assert!(found.standard_error[0] < 0.02 * expected, "{found:?}");
+
+    // Lit from behind the camera's back, which sees the floor before all masks.
+    let lit = "[[shapes]]\ntype = \"disk\"\ncenter = [0, 0, 3]\nnormal = [0, 0, 1]\nradius = 9\nmaterial = \"white\"\n\
+               [[lights]]\ntype = \"point\"\nposition = [0, 0, -1]\nintensity = 1\n";
+    let camera = ["camera.position=[0, 0, 2.5]", "camera.target=[0, 0, 9]"];
+    let image = |masks| {
+        let settings = ["render.method=path", "render.max_depth=1", camera[0], camera[1]];
+        images(1, &(scene(masks) + lit), &settings).remove(0).mean()
+    };
+    let passed = image(MASKS) / image(0);
+    assert!((passed / expected - 1.0).abs() < 1e-5, "{passed}, not {expected}");
+
+    let between = "[[shapes]]\ntype = \"box\"\nmin = [-1, -1, -1]\nmax = [1, 1, 1]\nmaterial = \"sieve\"\n\
+                   [[shapes]]\ntype = \"disk\"\ncenter = [0, 0, -4]\nnormal = [0, 0, 1]\nradius = 90\nmaterial = \"white\"\n\
+                   [[lights]]\ntype = \"environment\"\nradiance = 1\n";
+    let furnace = images(
+        4,
+        &(scene(0) + between),
+        &["render.method=path", "render.samples=100", "materials.white.reflectance=1"],
+    );
+    let furnace = Estimate::over(&furnace, |image| image.channel_means());
+    assert!((furnace.mean[0] - 1.0).abs() < 4.0 * furnace.standard_error[0] + 1e-6, "{furnace:?}");
+}
+
 /// A ball of fog in the light that a polished floor mirrors: photons that are aimed at the ball from the floor's diffuse base leave
 /// that light to others.
 #[test]

@@ -503,6 +503,47 @@ const MISTAKES: &[(&str, &str, &str)] = &[
         "a cylinder without caps is not closed",
     ),
     (
+        "[materials.a]\ntype = \"schlick\"\nlayer = { f0 = ‸2 }\n",
+        "materials.a.layer.f0",
+        "found 2; expected a number from 0 to 1",
+    ),
+    (
+        "[materials.a]\ntype = \"coated\"\nbase = { type = \"schlick\", layer = ‸{ f0 = 1 } }\n",
+        "materials.a.base.layer",
+        "has one layer; expected no second one",
+    ),
+    ("[materials.a]\ntype = \"mix\"\na = \"none\"\nb = ‸\"a\"\n", "materials.a.b", "\"a\" is made of itself"),
+    (
+        "[materials.a]\ntype = \"mix\"\na = \"none\"\nb = { type = \"mix\", a = \"none\", b = ‸\"a\" }\n",
+        "materials.a.b.b",
+        "\"a\" is made of itself",
+    ),
+    (
+        "[materials.a]\ntype = \"mix\"\na = \"none\"\nb = ‸{ type = \"dielectric\" }\n",
+        "materials.a.b",
+        "is a dielectric, which has two sides; expected",
+    ),
+    (
+        "[materials.a]\ntype = \"mix\"\na = \"none\"\nb = { type = \"lambert\", reflectance = ‸2 }\n",
+        "materials.a.b.reflectance",
+        "found 2; expected a number from 0 to 1",
+    ),
+    (
+        "[[lights]]\ntype = \"point\"\nposition = [0, 0, 0]\npower = 1\nprofile = \"a.ies\"\nradius = ‸1\n",
+        "lights.0.radius",
+        "has no meaning beside `profile`",
+    ),
+    (
+        "[[lights]]\ntype = \"point\"\nposition = [0, 0, 0]\npower = 1\ndirection = ‸[0, 1, 0]\n",
+        "lights.0.direction",
+        "has no meaning without `profile`",
+    ),
+    (
+        "[[lights]]\ntype = \"spot\"\nposition = [0, 0, 0]\ntarget = [1, 0, 0]\npower = 1\nprofile = \"a.ldt\"\nouter_angle = ‸9\n",
+        "lights.0.outer_angle",
+        "has no meaning beside `profile`",
+    ),
+    (
         "[media.a]\nsigma_a = 1\n[[shapes]]\ntype = \"lathe\"\nprofile = [[0, 0], [1, 1], [1, 2]]\ninterior = ‸\"a\"\n",
         "shapes.0.interior",
         "a lathe whose profile neither begins and ends on the axis",
@@ -595,6 +636,19 @@ fn mistakes_are_named_with_place_value_and_remedy() {
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
 
+/// Mixtures of mixtures have an end.
+#[test]
+fn mixtures_are_so_deep() {
+    let mixture = |deep: usize| {
+        let inner = "{ type = \"lambert\" }".to_string();
+        let around = |inner, _| format!("{{ type = \"mix\", a = \"none\", b = {inner} }}");
+        format!("[materials]\na = {}\n{CAMERA}", (0..deep).fold(inner, around))
+    };
+    assert!(parse(&mixture(8), &[]).is_ok());
+    let message = complaint(&mixture(9), &[]);
+    assert!(message.contains("mixtures of mixtures are deeper here than 8"), "{message}");
+}
+
 #[test]
 fn a_camera_must_see() {
     for (text, part) in [
@@ -643,7 +697,6 @@ const LATER: &[&str] = &[
     "[surface]\nirradiance_cache = true\n",
     "[surface]\nneighbours = 80\n",
     "[surface]\nfilter = \"cone\"\n",
-    "[materials.a]\ntype = \"schlick\"\nlayer = { f0 = 1, roughness = 0.5, isotropy = 1 }\n",
 ];
 
 #[test]

@@ -1,6 +1,6 @@
 //! What emitters take up, alone and in groups.
 
-use super::{Area, Directivity, Emitter, Light, Point, Sides, SoftCone, Spot};
+use super::{Area, Directivity, Emitter, Goniometric, Light, Point, Sides, SoftCone, Spot};
 use crate::geometry::{Geometry, Shape, area_of};
 use crate::math::{Bounds, DVec3};
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -69,6 +69,7 @@ impl Extent {
             Light::Spot(Spot { position, intensity, cone }) => {
                 Extent::at(*position, intensity.element_sum(), Some(cone))
             }
+            Light::Goniometric(lamp) => Extent::of_profile(lamp),
             Light::Area(area) if matches!(area.profile, Directivity::Beam(..)) => return None,
             Light::Area(area) => match emitter.triangle {
                 Some(triangle) => Extent::of_triangle(area, geometry.triangle(area.shape, triangle)?),
@@ -91,6 +92,15 @@ impl Extent {
             soft: if cone.is_some() { 1.0 } else { 0.0 },
             area: 0.0,
         }
+    }
+
+    fn of_profile(lamp: &Goniometric) -> Extent {
+        // A measurement may end with all its light: beyond by what rounding may amount to.
+        const MARGIN: f64 = 1e-3;
+        let profile = lamp.profile();
+        let cone = Cone { axis: lamp.axis(), bright: (profile.widest() + MARGIN).min(PI), beyond: 0.0 };
+        let mean = profile.total() / (4.0 * PI);
+        Extent { cone, mean, ..Extent::at(lamp.position, lamp.intensity.element_sum(), None) }
     }
 
     fn of_triangle(light: &Area, (corners, normal): ([DVec3; 3], DVec3)) -> Extent {

@@ -12,8 +12,10 @@ mod directional;
 mod emitters;
 mod environment;
 mod extent;
+mod goniometric;
 mod lanes;
 mod point;
+mod profile;
 mod receiver;
 mod spot;
 mod tree;
@@ -24,7 +26,9 @@ pub(crate) use directional::cone_radiance;
 pub(crate) use emitters::Along;
 pub use emitters::{Emitter, Emitters};
 pub use environment::Environment;
+pub use goniometric::Goniometric;
 pub use point::Point;
+pub use profile::Profile;
 pub use receiver::Receiver;
 pub use spot::{SoftCone, Spot};
 
@@ -38,6 +42,8 @@ pub enum Light {
     Point(Point),
     /// A cone, from one point.
     Spot(Spot),
+    /// From one point, as a lamp was measured to.
+    Goniometric(Goniometric),
     /// From infinity, or a round beam, in one direction or a narrow cone of them.
     Directional(Directional),
     /// From infinity, all around.
@@ -103,6 +109,7 @@ impl Light {
         match self {
             Light::Point(light) => light.power(),
             Light::Spot(light) => light.power(),
+            Light::Goniometric(light) => light.power(),
             Light::Directional(light) => light.power(surroundings),
             Light::Environment(light) => light.power(surroundings),
             Light::Area(light) => light.power(),
@@ -114,6 +121,7 @@ impl Light {
         match self {
             Light::Point(light) => light.importance(p),
             Light::Spot(light) => light.importance(p),
+            Light::Goniometric(light) => light.importance(p),
             Light::Directional(light) => light.importance(p),
             Light::Environment(light) => light.importance(),
             Light::Area(light) => light.importance(p),
@@ -125,6 +133,7 @@ impl Light {
         match self {
             Light::Point(light) => light.arrive(p),
             Light::Spot(light) => light.arrive(p),
+            Light::Goniometric(light) => light.arrive(p),
             Light::Directional(light) => light.arrive(p, stream),
             Light::Environment(light) => light.arrive(stream),
             Light::Area(light) => light.arrive(geometry, triangle, p, stream),
@@ -136,6 +145,7 @@ impl Light {
         match self {
             Light::Point(light) => Some(light.depart(stream)),
             Light::Spot(light) => Some(light.depart(stream)),
+            Light::Goniometric(light) => Some(light.depart(stream)),
             Light::Directional(light) => Some(light.depart(surroundings, stream)),
             Light::Environment(light) => light.depart(surroundings, stream),
             Light::Area(light) => light.depart(geometry, stream),
@@ -173,7 +183,7 @@ impl Light {
     /// beams.
     fn thins(&self) -> bool {
         match self {
-            Light::Point(_) | Light::Spot(_) => true,
+            Light::Point(_) | Light::Spot(_) | Light::Goniometric(_) => true,
             Light::Area(light) => !matches!(light.profile, Directivity::Beam(..)),
             Light::Directional(_) | Light::Environment(_) => false,
         }
@@ -184,7 +194,7 @@ impl Light {
         match self {
             Light::Environment(light) => light.dim(factor),
             Light::Directional(light) => light.irradiance *= factor,
-            Light::Point(_) | Light::Spot(_) | Light::Area(_) => {}
+            Light::Point(_) | Light::Spot(_) | Light::Goniometric(_) | Light::Area(_) => {}
         }
     }
 
@@ -193,6 +203,7 @@ impl Light {
         match self {
             Light::Point(_) => "point",
             Light::Spot(_) => "spot",
+            Light::Goniometric(_) => "profile",
             Light::Directional(_) => "directional",
             Light::Environment(_) => "environment",
             Light::Area(_) => "emission",
@@ -202,7 +213,7 @@ impl Light {
     /// Whether a ray can meet it by chance.
     pub fn has_size(&self) -> bool {
         match self {
-            Light::Point(_) | Light::Spot(_) => false,
+            Light::Point(_) | Light::Spot(_) | Light::Goniometric(_) => false,
             Light::Directional(light) => light.has_size(),
             Light::Environment(_) | Light::Area(_) => true,
         }

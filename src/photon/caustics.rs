@@ -58,11 +58,11 @@ pub fn may_be(scene: &Scene) -> bool {
         Material::Opaque(bsdf) => {
             bsdf.nature() == Nature::Diffuse && bsdf.albedo(&Incidence::head_on()).max_element() > 0.0
         }
-        Material::Dielectric(_) | Material::None => false,
+        Material::Dielectric(_) | Material::None | Material::Mixture(_) => false,
     };
     !scene.lights.is_empty()
-        && scene.surfaces.iter().any(|surface| spreads(&surface.material))
-        && scene.surfaces.iter().any(|surface| surface.material.is_partly_specular())
+        && scene.surfaces.iter().any(|surface| scene.any_part(&surface.material, &spreads))
+        && scene.surfaces.iter().any(|surface| scene.any_part(&surface.material, &Material::is_partly_specular))
 }
 
 /// Traces the photons of caustics. `progress` is told how many emissions were done since it was last told, and how many there are to

@@ -6,6 +6,7 @@ use crate::light::{Departure, DrawnFrom, Light};
 use crate::math::random::Dimension;
 use crate::math::{Bounds, DVec3, Distribution, Frame, Ray, Rgb, Stream, choose, sampling};
 use crate::scene::{Glow, Inside, Scene};
+use crate::surface::Material;
 
 /// All sources of photons of a scene.
 #[derive(Debug)]
@@ -85,6 +86,7 @@ impl<'s> Sources<'s> {
             let inside = match light {
                 Light::Point(point) => Some(scene.inside(point.position)),
                 Light::Spot(spot) => Some(scene.inside(spot.position)),
+                Light::Goniometric(lamp) => Some(scene.inside(lamp.position)),
                 Light::Area(area) => inside_all(scene, &area.bounds),
                 _ => scene.solids.is_empty().then(Inside::default),
             };
@@ -123,7 +125,8 @@ impl<'s> Sources<'s> {
 
     /// Aims nearly all photons at surfaces that mirror or refract; the light is the same.
     pub fn aim_at_specular(&mut self) {
-        let specular = (0..).zip(&self.scene.surfaces).filter(|(_, surface)| surface.material.is_partly_specular());
+        let is_specular = |material| self.scene.any_part(material, &Material::is_partly_specular);
+        let specular = (0..).zip(&self.scene.surfaces).filter(|(_, surface)| is_specular(&surface.material));
         let targets: Vec<Target> = specular
             .map(|(shape, _)| {
                 let (center, radius) = self.scene.geometry.bounding_sphere(shape);

@@ -68,7 +68,7 @@ pub fn near(scene: &Scene, position: Vec3, radius: f32, leans: bool, walls: &mut
         };
         let coincident = faces.iter().filter(|(near, _)| coincides(near));
         let surfaces = coincident.map(|(near, _)| &scene.surfaces[near.id as usize]);
-        let opaque = surfaces.clone().any(|surface| surface.material.is_opaque());
+        let opaque = surfaces.clone().any(|surface| surface.material.shades());
         let is_wall = opaque || {
             let solids: SmallVec<[u32; 8]> = surfaces.filter_map(|surface| surface.solid).collect();
             match solids[..] {

@@ -13,7 +13,7 @@ use super::description::{self as said, Description, Located, ShapeKind, Strength
 use super::world::{Scene, Solid, Surface};
 use super::{Glow, Settings};
 use crate::geometry::{Cuboid, Cylinder, Disk, Geometry, Lathe, Mesh, Placed, Quad, Shape, Sphere};
-use crate::light::{Area, Directivity, Emitters, Light, Sides, Surroundings};
+use crate::light::{Area, Directivity, Emitters, Light, Profile, Sides, Surroundings};
 use crate::math::{Bounds, DAffine3, DVec3, Rgb};
 use crate::medium::black_body::BlackBody;
 use crate::medium::density::bricks::{BrickGrid, Interpolation, NegativePolicy};
@@ -91,6 +91,7 @@ struct Builder<'d> {
     /// By index of the material in the description.
     painted: HashMap<usize, u32>,
     lights: Vec<Light>,
+    profiles: HashMap<PathBuf, Arc<Profile>>,
     warnings: Vec<String>,
 }
 
@@ -110,6 +111,7 @@ impl<'d> Builder<'d> {
             paints: Vec::new(),
             painted: HashMap::new(),
             lights: Vec::new(),
+            profiles: HashMap::new(),
             warnings: description.warnings.clone(),
         }
     }
@@ -154,7 +156,8 @@ impl<'d> Builder<'d> {
         for Unplaced { index, shape, transform, instance } in shapes {
             let said = &description.shapes[index];
             let placed = Placed::new(shape, self.moved() * transform).map_err(|error| said.place.error(error))?;
-            let material = description.materials[said.material.value].kind;
+            let material_index = self.met_everywhere(said.material.value);
+            let material = description.materials[material_index].kind;
             let medium = match &said.interior {
                 Some(interior) => Some(self.medium(interior.value, instance)?),
                 None => None,
@@ -171,7 +174,7 @@ impl<'d> Builder<'d> {
                 Strength::Radiance(radiance) => Shine::Radiance(radiance, emission.side),
                 Strength::Power(power) => Shine::Power(power, emission.side),
             });
-            let paint = self.paint(said, &placed)?;
+            let paint = self.paint(material_index, &said.material.place, &placed)?;
             self.parts.push(Part {
                 placed,
                 surface: Surface { material, solid: None, light: None, paint },
@@ -383,6 +386,7 @@ impl<'d> Builder<'d> {
 
     fn finish(mut self) -> Result<Scene> {
         let description = self.description;
+        let finishes = self.finishes()?;
         let world = match &description.world.medium {
             Some(medium) => Some(self.medium(medium.value, None)?),
             None => None,
@@ -423,11 +427,14 @@ impl<'d> Builder<'d> {
             }
         }
 
+        let has_holes = surfaces.iter().any(|surface| surface.material.shades() && !surface.material.is_opaque());
         let mut scene = Scene {
             camera,
             geometry,
             surfaces,
             paints: self.paints,
+            finishes,
+            has_holes,
             solids,
             world,
             world_region: 0,

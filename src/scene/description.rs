@@ -128,7 +128,7 @@ pub struct Description {
     pub world: World,
     /// `[media.*]`, in the order of the file.
     pub media: Vec<Medium>,
-    /// `[materials.*]`, in the order of the file; then those that shapes without a `material` get.
+    /// `[materials.*]`, in the order of the file; then parts of mixtures that have no name, then what shapes without a `material` get.
     pub materials: Vec<Material>,
     /// `[[shapes]]`
     pub shapes: Vec<Shape>,
@@ -180,6 +180,7 @@ impl Description {
         for light in &mut self.lights {
             match &mut light.kind {
                 LightKind::Environment { source: EnvironmentSource::Image(file), .. } => files.push(&mut file.value),
+                LightKind::Profile { file, .. } => files.push(&mut file.value),
                 LightKind::Environment { source: EnvironmentSource::Constant(_), .. }
                 | LightKind::Point { .. }
                 | LightKind::Spot { .. }

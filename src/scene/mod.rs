@@ -6,6 +6,7 @@
 mod build;
 pub mod description;
 mod glow;
+mod mixture;
 mod overrides;
 mod read;
 mod settings;
@@ -18,6 +19,7 @@ mod world;
 pub use build::build;
 pub use description::{Description, Located, Place};
 pub use glow::Glow;
+pub use mixture::Finish;
 pub use read::{parse, read};
 pub use settings::Settings;
 pub use study::{Study, StudyReference, StudyVariant, is_plain, read_study};

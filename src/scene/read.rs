@@ -103,8 +103,9 @@ fn describe(root: &Table, path: &Path) -> Read<Description> {
             ),
         ));
     }
-    let known = materials::Materials { names: &names, items: &material_items };
+    let known = materials::Materials::new(&names, &material_items);
     let materials = all(&material_items, |(name, item)| materials::material(name, item, &known));
+    let materials = materials.and_then(|materials| known.with_parts(materials));
     let shapes = shapes::shapes(&shape_items?.unwrap_or_default(), &names);
     let lights = lights::lights(&light_items?.unwrap_or_default(), &names);
 

@@ -134,6 +134,12 @@ impl<'a> Item<'a> {
         matches!(self.node.value, Value::Table(_))
     }
 
+    /// The value under a key of this table, for who has yet to decide how to read it; the key does not count as asked for.
+    pub(super) fn peek(&self, key: &str) -> Option<&'a Value> {
+        let Value::Table(entries) = &self.node.value else { return None };
+        entries.iter().find(|entry| entry.key == key).map(|entry| &entry.node.value)
+    }
+
     pub(super) fn is_number(&self) -> bool {
         self.any_number().is_some()
     }

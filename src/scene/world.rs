@@ -2,8 +2,8 @@
 
 use smallvec::SmallVec;
 
-use super::Glow;
 use super::description::Camera;
+use super::{Finish, Glow};
 use crate::geometry::{Cluster, Geometry};
 use crate::light::{Emitter, Emitters, Light, Receiver, Surroundings};
 use crate::math::{Bounds, DVec3, Rgb, Stream};
@@ -21,6 +21,10 @@ pub struct Scene {
     pub surfaces: Vec<Surface>,
     /// What changes over surfaces.
     pub paints: Vec<Paint>,
+    /// What mixtures are made of, by index of the material in the description; empty where there are none.
+    pub finishes: Vec<Finish>,
+    /// Whether some light passes through surfaces that keep off the rest.
+    pub has_holes: bool,
     /// The closed shapes that decide what fills space; a higher index takes precedence.
     pub solids: Vec<Solid>,
     /// What fills space outside of solids: an index into `media`.
@@ -214,6 +218,7 @@ impl Scene {
             let position = match light {
                 Light::Point(point) => Some(point.position),
                 Light::Spot(spot) => Some(spot.position),
+                Light::Goniometric(lamp) => Some(lamp.position),
                 Light::Directional(light) => light.beam.map(|beam| beam.0),
                 Light::Environment(_) | Light::Area(_) => None,
             };

@@ -125,10 +125,9 @@ impl Conductor {
 
     /// Meets a facet. Returns whether light leaves then.
     fn meet(&self, facets: &Ggx, travel: &mut DVec3, weight: &mut Rgb, stream: &mut Stream) -> bool {
-        let facet = facets.visible(-*travel, stream.uniform2());
-        *weight *= self.fresnel.reflected(-travel.dot(facet));
-        *travel = reflect(*travel, facet);
-        travel.z > 0.0 && stream.uniform() < facets.unmasked(*travel)
+        let (cos, leaves) = facets.bounce(travel, stream);
+        *weight *= self.fresnel.reflected(cos);
+        leaves
     }
 }
 

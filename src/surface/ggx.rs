@@ -1,4 +1,5 @@
-use crate::math::DVec3;
+use super::mirror::reflect;
+use crate::math::{DVec3, Stream};
 use std::f64::consts::{PI, TAU};
 
 /// Facets that light meets in one visit, at most; 1 in 10⁶ meets more than thirty.
@@ -78,5 +79,14 @@ impl Ggx {
         let p3 = (1.0 - p1 * p1 - p2 * p2).max(0.0).sqrt();
         let normal = p1 * t1 + p2 * t2 + p3 * stretched;
         DVec3::new(x * normal.x, y * normal.y, normal.z.max(1e-9)).normalize()
+    }
+
+    /// Reflects light at a facet that it sees. Returns the cosine to that, and whether no other one is in the way then.
+    #[inline]
+    pub fn bounce(&self, travel: &mut DVec3, stream: &mut Stream) -> (f64, bool) {
+        let facet = self.visible(-*travel, stream.uniform2());
+        let cos = -travel.dot(facet);
+        *travel = reflect(*travel, facet);
+        (cos, travel.z > 0.0 && stream.uniform() < self.unmasked(*travel))
     }
 }

@@ -1,3 +1,4 @@
+use super::coat::Varnish;
 use super::fresnel::fresnel;
 use super::lambert::{cosine, cosine_density};
 use super::{Drawn, Incidence, Mirror, Scattering};
@@ -12,35 +13,31 @@ use crate::math::{DVec3, Rgb, Stream};
 pub(super) struct Glaze {
     /// ρ of the base.
     pub reflectance: Rgb,
-    /// n₁, the index of refraction around.
-    pub outside: f64,
-    /// n₂, that of the coat.
-    pub index: f64,
-    /// T.
-    pub passes: f64,
+    /// The coat, of index n₂ and with n₁ around.
+    pub varnish: Varnish,
 }
 
 impl Glaze {
     /// F of light that meets the boundary from outside.
     fn reflected(&self, cos: f64) -> f64 {
-        fresnel(cos, self.outside, self.index)
+        fresnel(cos, self.varnish.outside, self.varnish.index)
     }
 
     /// ρ and all that comes of what the boundary returns: what leaves the base for what first came in.
     fn returned(&self) -> Rgb {
-        self.reflectance / (Rgb::ONE - self.reflectance * (1.0 - self.passes))
+        self.reflectance / (Rgb::ONE - self.reflectance * (1.0 - self.varnish.passes))
     }
 
     /// What passes the boundary towards `o`, in radiance.
     fn passed(&self, at: &Incidence, o: DVec3) -> f64 {
-        (1.0 - self.reflected(at.shading_normal.dot(o))) * (self.outside / self.index).powi(2)
+        (1.0 - self.reflected(at.shading_normal.dot(o))) * (self.varnish.outside / self.varnish.index).powi(2)
     }
 
     /// What the boundary mirrors of light that arrives as `at` says, F, and what the coat sends diffusely,
     /// (1 − F) ρ T/(1 − ρ (1 − T)).
     fn parts(&self, at: &Incidence) -> (f64, Rgb) {
         let reflected = self.reflected(-at.direction.dot(at.shading_normal));
-        (reflected, (1.0 - reflected) * self.passes * self.returned())
+        (reflected, (1.0 - reflected) * self.varnish.passes * self.returned())
     }
 
     /// The probability of the diffuse part: its share of all that is sent.

@@ -6,9 +6,10 @@
 //! agree: tests hold every kind to that.
 //!
 //! A new material that reflects is one file, with its parameters, `value` and `sample`, and its lines where kinds are listed: in
-//! [`Reflector`], and among the readers of scene files in `scene/read/materials.rs`. Coats and mixtures are made of such. A
-//! [`Paint`] puts textures in place of a material's constants where light meets it.
+//! [`Reflector`], and among the readers of scene files in `scene/read/materials.rs`. Coats, and mixtures that
+//! are asked as a whole, are made of such; a [`Mixture`] is of anything, and drawn from where light meets it. A [`Paint`] puts textures in place of a material's constants where light meets it.
 
+mod coat;
 mod coated;
 mod conductor;
 mod dielectric;
@@ -19,6 +20,7 @@ mod incidence;
 mod lambert;
 mod mirror;
 mod mix;
+mod mixture;
 mod nature;
 mod oren_nayar;
 mod phong;
@@ -30,6 +32,7 @@ mod smooth;
 mod texture;
 mod thin;
 
+pub use coat::{Coat, Varnish};
 pub use coated::Coated;
 pub use conductor::{Conductor, Fresnel};
 pub use dielectric::{Dielectric, Lobe};
@@ -38,6 +41,7 @@ pub use incidence::{Incidence, Side};
 pub use lambert::Lambert;
 pub use mirror::Mirror;
 pub use mix::Mix;
+pub use mixture::Mixture;
 pub use nature::{Boundary, Drawn, Nature, Onward, Scattering, Straight};
 pub use oren_nayar::OrenNayar;
 pub use phong::Phong;
@@ -62,6 +66,8 @@ pub enum Material {
     Dielectric(Dielectric),
     /// No surface, but an index-matched boundary: light passes, only the medium changes.
     None,
+    /// One of two materials, by chance wherever light meets it.
+    Mixture(Mixture),
     /// Reflects, and lets no light pass that is asked for.
     // Serialised as scene files say it: `lambert`, not `opaque.lambert`. Serde wants such a variant last.
     #[serde(untagged)]
@@ -75,23 +81,32 @@ impl Material {
 
     /// Whether no light passes through that is asked for.
     pub fn is_opaque(&self) -> bool {
-        matches!(self, Material::Opaque(_))
-    }
-
-    /// Whether it absorbs any light.
-    pub fn absorbs(&self) -> bool {
         match self {
-            Material::Opaque(bsdf) => bsdf.albedo(&Incidence::head_on()).min_element() < 1.0,
+            Material::Opaque(_) => true,
+            Material::Mixture(mixture) => !mixture.has_holes,
             Material::Dielectric(_) | Material::None => false,
         }
     }
 
-    /// Whether it mirrors or refracts a part of the light in single directions.
+    /// Whether it keeps off any light that is asked for.
+    pub fn shades(&self) -> bool {
+        matches!(self, Material::Opaque(_) | Material::Mixture(_))
+    }
+
+    /// Whether it is known to absorb light.
+    pub fn absorbs(&self) -> bool {
+        match self {
+            Material::Opaque(bsdf) => bsdf.albedo(&Incidence::head_on()).min_element() < 1.0,
+            Material::Dielectric(_) | Material::None | Material::Mixture(_) => false,
+        }
+    }
+
+    /// Whether it mirrors or refracts a part of the light in single directions; of a mixture, its parts must be asked.
     pub fn is_partly_specular(&self) -> bool {
         match self {
             Material::Opaque(bsdf) => bsdf.is_partly_specular(),
             Material::Dielectric(dielectric) => dielectric.roughness == 0.0,
-            Material::None => false,
+            Material::None | Material::Mixture(_) => false,
         }
     }
 
@@ -99,7 +114,7 @@ impl Material {
     pub fn index(&self) -> Option<Rgb> {
         match self {
             Material::Dielectric(dielectric) => Some(dielectric.index),
-            Material::Opaque(_) | Material::None => None,
+            Material::Opaque(_) | Material::None | Material::Mixture(_) => None,
         }
     }
 }
@@ -239,7 +254,7 @@ impl Bsdf {
     pub fn is_partly_specular(&self) -> bool {
         match self {
             Bsdf::Reflector(reflector) => reflector.is_partly_specular(),
-            Bsdf::Coated(coated) => coated.roughness == 0.0,
+            Bsdf::Coated(coated) => coated.is_partly_specular(),
             Bsdf::Mix(mix) => mix.a.is_partly_specular() || mix.b.is_partly_specular(),
             Bsdf::Thin(_) | Bsdf::Smooth(_) => true,
             Bsdf::Rough(_) => false,
@@ -250,7 +265,7 @@ impl Bsdf {
     pub fn is_anisotropic(&self) -> bool {
         match self {
             Bsdf::Reflector(reflector) => reflector.is_anisotropic(),
-            Bsdf::Coated(coated) => coated.base.is_anisotropic(),
+            Bsdf::Coated(coated) => coated.is_anisotropic(),
             Bsdf::Mix(mix) => mix.a.is_anisotropic() || mix.b.is_anisotropic(),
             Bsdf::Thin(_) | Bsdf::Smooth(_) | Bsdf::Rough(_) => false,
         }
@@ -261,7 +276,7 @@ impl Bsdf {
         let number = (value.element_sum() / 3.0).clamp(0.0, 1.0);
         match (self, constituent, parameter) {
             (Bsdf::Reflector(reflector), ..) => reflector.set(parameter, value),
-            (Bsdf::Coated(coated), Constituent::Whole, Parameter::Roughness) => coated.roughness = number,
+            (Bsdf::Coated(coated), Constituent::Whole, _) => coated.coat.set(parameter, value),
             (Bsdf::Coated(coated), Constituent::First, _) => coated.base.set(parameter, value),
             (Bsdf::Mix(mix), Constituent::Whole, Parameter::Weight) => mix.weight = number,
             (Bsdf::Mix(mix), Constituent::First, _) => mix.a.set(parameter, value),

@@ -81,9 +81,19 @@ impl Reflector {
         }
     }
 
+    /// The share of light at an angle of this cosine that is reflected specularly.
+    pub(super) fn specular(&self, cos: f64) -> Rgb {
+        match self {
+            Reflector::Mirror(mirror) => mirror.reflectance,
+            Reflector::Conductor(conductor) if conductor.facets().is_none() => conductor.fresnel.reflected(cos),
+            Reflector::Schlick(schlick) => schlick.specular(cos),
+            _ => Rgb::ZERO,
+        }
+    }
+
     pub(super) fn is_partly_specular(&self) -> bool {
         match self {
-            Reflector::Schlick(schlick) => schlick.roughness < 0.5,
+            Reflector::Schlick(schlick) => schlick.is_partly_specular(),
             _ => self.nature() == Nature::Specular,
         }
     }
@@ -111,8 +121,7 @@ impl Reflector {
             (Reflector::Phong(phong), Parameter::Specular) => phong.specular = share.min(Rgb::ONE - phong.diffuse),
             (Reflector::Conductor(conductor), Parameter::F0) => conductor.fresnel = Fresnel::Schlick { f0: share },
             (Reflector::Conductor(conductor), Parameter::Roughness) => conductor.roughness = [number; 2],
-            (Reflector::Schlick(schlick), Parameter::F0) => schlick.f0 = share,
-            (Reflector::Schlick(schlick), Parameter::Roughness) => schlick.roughness = number,
+            (Reflector::Schlick(schlick), _) => schlick.set(parameter, share),
             _ => {}
         }
     }

@@ -1,5 +1,8 @@
+use super::coat::Crossed;
+use super::ggx::MOST_FACETS;
 use super::lambert::{cosine, cosine_density};
-use super::{Conductor, Drawn, Fresnel, Incidence, Nature, Scattering};
+use super::mirror::reflect;
+use super::{Conductor, Drawn, Fresnel, Incidence, Lobe, Nature, Parameter, Scattering};
 use crate::math::{DVec3, Rgb, Stream};
 
 /// Schlick's surface of one layer (Schlick 1994; Jensen 2001, Eq. 2.33–2.41): from a mirror to a diffuse one by one number.
@@ -50,6 +53,30 @@ impl Schlick {
         self.fresnel().reflected(-at.direction.dot(at.shading_normal))
     }
 
+    /// S(u): the share that a plane reflects at an angle of this cosine.
+    pub(super) fn reflected(&self, cos: f64) -> Rgb {
+        self.fresnel().reflected(cos)
+    }
+
+    /// The share of light at an angle of this cosine that is reflected specularly.
+    pub(super) fn specular(&self, cos: f64) -> Rgb {
+        let [glossy, diffuse] = self.shares();
+        (1.0 - glossy - diffuse).max(0.0) * self.reflected(cos)
+    }
+
+    /// Puts a texture's value in place of a constant.
+    pub(super) fn set(&mut self, parameter: Parameter, share: Rgb) {
+        match parameter {
+            Parameter::F0 => self.f0 = share,
+            Parameter::Roughness => self.roughness = share.element_sum() / 3.0,
+            _ => {}
+        }
+    }
+
+    pub(super) fn is_partly_specular(&self) -> bool {
+        self.roughness < 0.5
+    }
+
     fn diffuse(&self, at: &Incidence, o: DVec3) -> Scattering {
         let density = cosine_density(at.shading_normal, o);
         let half = (o - at.direction).try_normalize().unwrap_or(at.shading_normal);
@@ -91,5 +118,47 @@ impl Schlick {
             return Some(Drawn { density: glossy * drawn.density, ..drawn });
         }
         Conductor { fresnel: self.fresnel(), roughness: [0.0; 2] }.sample(at, stream)
+    }
+
+    /// Light that meets it as a layer over another: what is not reflected passes straight on, wherever on the way between facets that
+    /// turns out. So the share that passes depends on the direction alone, and is the same both ways. Coordinates have a z that points
+    /// to where light comes from.
+    pub(super) fn cross(&self, travel: DVec3, weight: &mut Rgb, stream: &mut Stream) -> Option<Crossed> {
+        let [glossy, diffuse] = self.shares();
+        let mean = |reflected: Rgb| reflected.element_sum() / 3.0;
+        let passes = Crossed { travel, through: true, density: 0.0 };
+        let mut reflects =
+            |cos: f64, stream: &mut Stream| Lobe::take(None, self.reflected(cos), weight, stream) == Lobe::Reflected;
+        let u = stream.uniform();
+        if u < diffuse {
+            let (direction, density) = cosine(DVec3::Z, stream);
+            let half = (direction - travel).try_normalize().unwrap_or(DVec3::Z);
+            let cos = direction.dot(half);
+            if !reflects(cos, stream) {
+                return Some(passes);
+            }
+            let density = diffuse * density * mean(self.reflected(cos));
+            return Some(Crossed { travel: direction, through: false, density });
+        }
+        let facets = self.facets().facets().filter(|_| u < diffuse + glossy);
+        let Some(facets) = facets else {
+            let reflected = reflects(-travel.z, stream);
+            let mirrored = Crossed { travel: reflect(travel, DVec3::Z), through: false, density: 0.0 };
+            return Some(if reflected { mirrored } else { passes });
+        };
+        let mut onward = travel;
+        for _ in 0..MOST_FACETS {
+            let arriving = onward;
+            let (cos, leaves) = facets.bounce(&mut onward, stream);
+            if !reflects(cos, stream) {
+                return Some(passes);
+            }
+            if leaves {
+                let sent = facets.reflection(-arriving, onward);
+                let density = sent.map_or(0.0, |(density, cos)| glossy * density * mean(self.reflected(cos)));
+                return Some(Crossed { travel: onward, through: false, density });
+            }
+        }
+        None
     }
 }

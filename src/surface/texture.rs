@@ -242,9 +242,9 @@ impl Paint {
         }
     }
 
-    /// The roughness of a boundary at a place.
-    pub fn roughness(&self, constant: f64, at: &TexturePoint) -> f64 {
-        let mut textures = self.textures.iter().filter(|(slot, _)| slot.parameter == Parameter::Roughness);
+    /// The roughness of a boundary, or the weight of a mixture, at a place.
+    pub fn number(&self, parameter: Parameter, constant: f64, at: &TexturePoint) -> f64 {
+        let mut textures = self.textures.iter().filter(|(slot, _)| slot.parameter == parameter);
         textures.next().map_or(constant, |(_, texture)| texture.number(at).clamp(0.0, 1.0))
     }
 

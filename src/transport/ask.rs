@@ -181,6 +181,10 @@ intensity = 0.7
             ControlFlow::Continue(())
         }
 
+        fn mixture(&mut self, _: f64) -> Option<f64> {
+            None
+        }
+
         fn crossing(&mut self, crossing: &Crossing<'_>) {
             let Light::Area(area) = &self.scene.lights[crossing.light as usize] else { return };
             let radiance = area.radiance(crossing.hit.normal, -crossing.ray.direction).x;

@@ -62,6 +62,7 @@ impl Flight {
         let (center, power, area) = match light {
             Light::Point(point) => (point.position, point.intensity, 0.0),
             Light::Spot(spot) => (spot.position, spot.intensity, 0.0),
+            Light::Goniometric(lamp) => (lamp.position, lamp.intensity, 0.0),
             Light::Area(area) => match area.profile {
                 Directivity::Diffuse(radiance) => (area.bounds.center(), radiance * area.area, area.area),
                 Directivity::Spot(intensity, _) => (area.bounds.center(), intensity, area.area),
@@ -220,6 +221,7 @@ pub fn draw(scene: &Scene, flight: &Flight, stream: &mut Stream) -> Option<Draw>
             let position = match light {
                 Light::Point(point) => point.position,
                 Light::Spot(spot) => spot.position,
+                Light::Goniometric(lamp) => lamp.position,
                 _ => return None,
             };
             let (t, per_length) = flight.draw_distance(position, stream.uniform())?;

@@ -9,7 +9,7 @@ use std::ops::ControlFlow;
 use super::roulette::endures;
 use super::segment::{Crossing, Segment};
 use super::vertex::{Collision, Vertex};
-use super::walk::{Stop, Visitor, Walk};
+use super::walk::{Stop, Visitor, Walk, pass_by_chance};
 use crate::math::{DVec3, Ray, Rgb, Stream};
 use crate::scene::Scene;
 use crate::surface::Nature;
@@ -209,6 +209,10 @@ impl<'s, T: Traveller<'s>> Visitor for Passage<'_, 's, T> {
 
     fn crossing(&mut self, crossing: &Crossing<'_>) {
         self.traveller.crossing(crossing, self.luggage);
+    }
+
+    fn mixture(&mut self, passes: f64) -> Option<f64> {
+        pass_by_chance(passes, self.traveller.stream())
     }
 }
 

@@ -36,4 +36,4 @@ pub use segment::{Crossing, Segment};
 pub use shadow::{ShadowRay, transmit, transmit_straight};
 pub use surface::{Event, Interaction};
 pub use vertex::{Collision, Vertex};
-pub use walk::{Stop, Visitor, Walk};
+pub use walk::{Stop, Visitor, Walk, pass_by_chance};

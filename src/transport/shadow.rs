@@ -14,9 +14,16 @@ use crate::medium::transmittance;
 use crate::scene::{Inside, Scene};
 
 /// Remembers the segments on the way, to be paid for once the way is known to be free.
-#[derive(Default)]
 struct Way {
     segments: SmallVec<[(u32, f64, f64); 4]>,
+    /// The share that passes through holes.
+    passes: f64,
+}
+
+impl Default for Way {
+    fn default() -> Self {
+        Way { segments: SmallVec::new(), passes: 1.0 }
+    }
 }
 
 impl Visitor for Way {
@@ -25,6 +32,12 @@ impl Visitor for Way {
     fn segment(&mut self, segment: &Segment<'_>) -> ControlFlow<Infallible> {
         self.segments.push((segment.medium, segment.a, segment.b));
         ControlFlow::Continue(())
+    }
+
+    /// All of what passes, instead of all by chance.
+    fn mixture(&mut self, passes: f64) -> Option<f64> {
+        self.passes *= passes;
+        if passes > 0.0 { None } else { Some(0.0) }
     }
 }
 
@@ -67,11 +80,11 @@ impl ShadowRay {
 }
 
 /// Multiplies `weight` by an unbiased estimate of what passes along a ray that starts inside these solids: through media and
-/// index-matched boundaries, nothing through surfaces.
+/// index-matched boundaries, the share that mixtures with holes let pass, nothing through surfaces.
 pub fn transmit(scene: &Scene, shadow: ShadowRay, inside: &Inside, weight: &mut Rgb, stream: &mut Stream) {
     let ShadowRay { ray, length: distance } = shadow;
     let mut way = Way::default();
-    if scene.solids.is_empty() {
+    if scene.solids.is_empty() && !scene.has_holes {
         if scene.geometry.occluded(&ray, 0.0, distance, |id| scene.surfaces[id as usize].material.is_opaque()) {
             *weight = Rgb::ZERO;
             return;
@@ -85,6 +98,7 @@ pub fn transmit(scene: &Scene, shadow: ShadowRay, inside: &Inside, weight: &mut 
             *weight = Rgb::ZERO;
             return;
         }
+        *weight *= way.passes;
     }
     for (medium, a, b) in way.segments {
         pass(&scene.media[medium as usize], &ray, (a, b), weight, stream);
@@ -115,6 +129,7 @@ pub fn transmit_straight(
             Stop::Surface(at) => Some(at),
             _ => None,
         };
+        *weight *= way.passes;
         let mut longer = Rgb::ONE;
         if let Some(at) = &at {
             let (Some(straight), Some(fewer)) = (at.bsdf.straight(&at.incidence), left.left_after(1)) else {

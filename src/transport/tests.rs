@@ -12,8 +12,8 @@ use crate::medium::phase::{Draine, HenyeyGreenstein, Isotropic, Mixture, Phase, 
 use crate::medium::{Emission, Medium};
 use crate::scene::Inside;
 use crate::surface::{
-    Bsdf, Coated, Conductor, Fresnel, Incidence, Lambert, Lobe, Mirror, Mix, Nature, OrenNayar, Phong, Reflector,
-    Rough, Scattering, Schlick as SchlickSurface, Side, Smooth, Thin,
+    Bsdf, Coat, Coated, Conductor, Fresnel, Incidence, Lambert, Lobe, Mirror, Mix, Nature, OrenNayar, Phong, Reflector,
+    Rough, Scattering, Schlick as SchlickSurface, Side, Smooth, Thin, Varnish,
 };
 
 /// Something that scatters, and light that meets it.
@@ -77,6 +77,14 @@ struct Kind {
     albedo: Albedo,
 }
 
+impl Kind {
+    /// Whether what it sends first is reciprocal by itself. Between a coat and a base that both reflect specularly, light goes to and
+    /// fro before that from one end, and thereafter from the other.
+    fn is_reciprocal_at_once(&self) -> bool {
+        !matches!(self.bsdf, Bsdf::Coated(Coated { base: Reflector::Schlick(base), .. }) if base.roughness < 0.5)
+    }
+}
+
 #[derive(Clone, Copy, PartialEq)]
 enum Albedo {
     /// As [`Vertex::albedo`] says.
@@ -106,7 +114,8 @@ fn materials() -> Vec<Kind> {
 
     // Of facets and layers: values are estimates, but for smooth coats over Lambertian bases.
     let mut estimated = |name: String, bsdf: Bsdf, albedo: Albedo| {
-        let closed = matches!(bsdf, Bsdf::Coated(Coated { base: Reflector::Lambert(_), roughness: 0.0, .. }));
+        let smooth = |coat: Coat| matches!(coat, Coat::Dielectric(Varnish { roughness: 0.0, .. }));
+        let closed = matches!(bsdf, Bsdf::Coated(Coated { base: Reflector::Lambert(_), coat }) if smooth(coat));
         all.push(Kind { name, bsdf, exact: closed, albedo: if closed { Albedo::Known } else { albedo } });
     };
     let gold = Fresnel::metals().find(|(name, _)| *name == "Au").expect("gold is a metal").1;
@@ -122,7 +131,10 @@ fn materials() -> Vec<Kind> {
             estimated(format!("schlick {roughness} {isotropy} {f0}"), schlick.into(), albedo);
         }
     }
-    let coated = |base: Reflector, roughness: f64, index: f64| Bsdf::Coated(Coated::new(base, index, roughness));
+    let coated = |base: Reflector, roughness: f64, index: f64| {
+        let coat = Coat::Dielectric(Varnish::new(index, roughness));
+        Bsdf::Coated(Coated { base, coat })
+    };
     for roughness in [0.0, 0.1, 0.6] {
         let metal = |fresnel| conductor(fresnel, [0.3, 0.2]);
         for (base, name, albedo) in [
@@ -154,6 +166,25 @@ fn materials() -> Vec<Kind> {
     ] {
         for alpha in [0.1, 0.3, 1.0] {
             estimated(format!("rough {name}, α {alpha}"), Bsdf::Rough(Rough { from, to, alpha }), Albedo::Lossless);
+        }
+    }
+    let schlick = |f0, roughness, isotropy| SchlickSurface { f0, roughness, isotropy };
+    for roughness in [0.0, 0.25] {
+        let base = Reflector::Schlick(schlick(Rgb::ONE, 0.1, 0.5));
+        estimated(format!("half a mirror under a coat, α {roughness}"), coated(base, roughness, 1.5), Albedo::Lossless);
+    }
+    let pale = Rgb::new(0.04, 0.3, 0.7);
+    for (upper, below) in [
+        (schlick(pale, 0.1, 1.0), (0.9, 1.0)),
+        (schlick(pale, 0.0, 1.0), (0.1, 0.6)),
+        (schlick(pale, 0.3, 0.4), (0.2, 1.0)),
+        (schlick(pale, 0.8, 1.0), (0.05, 1.0)),
+        (schlick(Rgb::splat(0.5), 0.3, 1.0), (0.0, 1.0)),
+    ] {
+        for (f0, albedo) in [(reflectance, Albedo::AtMostOne), (Rgb::ONE, Albedo::Lossless)] {
+            let base = Reflector::Schlick(schlick(f0, below.0, below.1));
+            let name = format!("schlick {} {} over {below:?} {f0}", upper.roughness, upper.isotropy);
+            estimated(name, Bsdf::Coated(Coated { base, coat: Coat::Schlick(upper) }), albedo);
         }
     }
     all
@@ -448,7 +479,7 @@ fn reversed(at: &Interaction, o: DVec3) -> Interaction {
 #[test]
 fn light_and_eye_see_the_same() {
     for lean in [0.0, 0.3] {
-        for Kind { name, bsdf, .. } in materials() {
+        for Kind { name, bsdf, .. } in materials().into_iter().filter(Kind::is_reciprocal_at_once) {
             let mut stream = random(2000);
             let (mut pairs, mut lit) = (0, 0);
             while pairs < 2000 {
@@ -469,6 +500,33 @@ fn light_and_eye_see_the_same() {
                 lit += u32::from(light.max_element() > 0.0);
             }
             assert!(lit > 100, "{name}, leaning {lean}: only {lit} pairs of directions send light");
+        }
+    }
+}
+
+/// What goes from a cone of directions into another through layers that light goes to and fro between is the same both ways.
+#[test]
+fn layers_are_reciprocal() {
+    const N: usize = 100_000;
+    let kinds = materials().into_iter().filter(|kind| !kind.is_reciprocal_at_once());
+    for (index, Kind { name, bsdf, .. }) in kinds.enumerate() {
+        let mut stream = random(4000 + index);
+        let (mut sum, mut difference, mut squares) = (Rgb::ZERO, Rgb::ZERO, Rgb::ZERO);
+        for _ in 0..N {
+            let i = -sampling::direction(0.2 + 0.3 * stream.uniform(), 0.3 * stream.uniform());
+            let o = sampling::direction(0.6 + 0.3 * stream.uniform(), 0.3 + 0.3 * stream.uniform());
+            let at = interaction(bsdf, Incidence { direction: i, ..incidence(0.0, 0.0) });
+            let back = reversed(&at, o);
+            let forth = toward(Vertex::Surface(&at), o, Side::Light, &mut stream).0 * i.z.abs();
+            let back = toward(Vertex::Surface(&back), -i, Side::Light, &mut stream).0 * o.z;
+            sum += forth;
+            difference += forth - back;
+            squares += (forth - back) * (forth - back);
+        }
+        let error = squares.map(f64::sqrt);
+        for c in 0..3 {
+            assert!(difference[c].abs() < 4.0 * error[c], "{name}: {sum} differs by {difference} ± {error}");
+            assert!(error[c] < 0.03 * sum[c], "{name}: {sum} ± {error}");
         }
     }
 }

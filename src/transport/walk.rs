@@ -5,9 +5,9 @@ use std::ops::ControlFlow;
 use super::segment::{Crossing, Segment};
 use super::surface::Interaction;
 use crate::geometry::{Cluster, Hit};
-use crate::math::{DVec3, Ray, error_bound};
-use crate::scene::{Inside, Scene};
-use crate::surface::{Bsdf, Incidence, Material, Paint, Rough, Smooth, TexturePoint};
+use crate::math::{DVec3, Ray, Stream, error_bound};
+use crate::scene::{Finish, Inside, Scene, Surface};
+use crate::surface::{Bsdf, Coat, Coated, Incidence, Material, Paint, Parameter, Rough, Smooth, TexturePoint};
 
 /// A photon or an eye path on its way.
 #[derive(Clone)]
@@ -47,6 +47,15 @@ pub trait Visitor {
     fn segment(&mut self, segment: &Segment<'_>) -> ControlFlow<Self::End>;
     /// Meets a surface that shines.
     fn crossing(&mut self, _crossing: &Crossing<'_>) {}
+    /// Meets a mixture of materials, through which this share of light passes as if it were not there: `None` is to pass, a
+    /// uniform number from [0, 1) chooses what is met among the others.
+    fn mixture(&mut self, passes: f64) -> Option<f64>;
+}
+
+/// What light does that passes a mixture by chance, or is kept by it.
+pub fn pass_by_chance(passes: f64, stream: &mut Stream) -> Option<f64> {
+    let u = stream.uniform();
+    (u >= passes).then(|| ((u - passes) / (1.0 - passes)).min(1.0f64.next_down()))
 }
 
 /// Why a walk pauses.
@@ -167,8 +176,8 @@ impl<'s> Walk<'s> {
             }
             self.t = end;
             let after = self.scene.cross(&self.inside, &self.cluster, self.ray.direction);
-            if let Some((hit, bsdf)) = self.bsdf(&after) {
-                return Stop::Surface(self.interaction(hit, bsdf, after));
+            if let Some((hit, bsdf, relief)) = self.bsdf(&after, visitor) {
+                return Stop::Surface(self.interaction(hit, bsdf, relief, after));
             }
             self.crossed = self.cluster.hits().last().map_or(end, |hit| hit.t) + error_bound(&self.ray, end);
             self.inside = after;
@@ -177,60 +186,85 @@ impl<'s> Walk<'s> {
 
     /// What the surfaces at one place do together: an opaque one decides; else a change of index.
     #[inline]
-    fn bsdf(&self, after: &Inside) -> Option<(Hit, Bsdf)> {
+    fn bsdf<V: Visitor>(&self, after: &Inside, visitor: &mut V) -> Option<(Hit, Bsdf, Option<u32>)> {
         let scene = self.scene;
         let mut boundary = None;
         for hit in self.cluster.hits() {
-            match scene.surfaces[hit.id as usize].material {
-                Material::Opaque(bsdf) => {
-                    let mut bsdf = bsdf;
-                    if let Some((paint, at)) = self.paint(hit) {
-                        paint.put_on(&mut bsdf, &at);
+            let surface = &scene.surfaces[hit.id as usize];
+            match surface.material {
+                Material::Opaque(bsdf) => return Some((*hit, self.painted(hit, bsdf, surface.paint), surface.paint)),
+                Material::Mixture(_) => {
+                    if let Some((bsdf, relief)) = self.mixture(hit, visitor) {
+                        return Some((*hit, bsdf, relief));
                     }
-                    if let Bsdf::Coated(coated) = &mut bsdf {
-                        coated.put_in(scene.index(&self.inside).x);
-                    }
-                    return Some((*hit, bsdf));
                 }
                 Material::Dielectric(dielectric) if boundary.is_none() => boundary = Some((*hit, dielectric.roughness)),
                 Material::Dielectric(_) | Material::None => {}
             }
         }
         let (hit, alpha) = boundary?;
-        let alpha = self.paint(&hit).map_or(alpha, |(paint, at)| paint.roughness(alpha, &at));
+        let paint = scene.surfaces[hit.id as usize].paint;
+        let alpha = self.paint(&hit, paint).map_or(alpha, |(paint, at)| paint.number(Parameter::Roughness, alpha, &at));
         let (from, to) = (scene.index(&self.inside), scene.index(after));
         let bsdf = if alpha > 0.0 { Bsdf::Rough(Rough { from, to, alpha }) } else { Bsdf::Smooth(Smooth { from, to }) };
-        (from != to).then_some((hit, bsdf))
+        (from != to).then_some((hit, bsdf, paint))
+    }
+
+    /// An opaque surface as it is at the place that is hit.
+    #[inline]
+    fn painted(&self, hit: &Hit, mut bsdf: Bsdf, paint: Option<u32>) -> Bsdf {
+        if let Some((paint, at)) = self.paint(hit, paint) {
+            paint.put_on(&mut bsdf, &at);
+        }
+        if let Bsdf::Coated(Coated { coat: Coat::Dielectric(varnish), .. }) = &mut bsdf {
+            varnish.put_in(self.scene.index(&self.inside).x);
+        }
+        bsdf
+    }
+
+    /// What a mixture does where it is hit, with what turns its normal; `None` where light passes.
+    #[cold]
+    fn mixture<V: Visitor>(&self, hit: &Hit, visitor: &mut V) -> Option<(Bsdf, Option<u32>)> {
+        let Surface { material, paint, .. } = self.scene.surfaces[hit.id as usize];
+        let (finish, at) = (Finish { material, paint }, self.texture_point(hit, true));
+        let u = visitor.mixture(self.scene.passes(&finish, &at))?;
+        match self.scene.met(&finish, &at, u)? {
+            (Finish { material: Material::Opaque(bsdf), paint }, relief) => {
+                Some((self.painted(hit, bsdf, paint), relief))
+            }
+            _ => None,
+        }
     }
 
     /// What changes over the surface that is hit, and the place there.
     #[inline(always)]
-    fn paint(&self, hit: &Hit) -> Option<(&'s Paint, TexturePoint)> {
-        let paint = self.scene.surfaces[hit.id as usize].paint?;
-        Some(self.painted(hit, &self.scene.paints[paint as usize]))
+    fn paint(&self, hit: &Hit, paint: Option<u32>) -> Option<(&'s Paint, TexturePoint)> {
+        let paint = &self.scene.paints[paint? as usize];
+        Some((paint, self.texture_point(hit, paint.filtered)))
     }
 
+    /// The place that is hit, with its footprint where textures are `filtered`.
     #[inline(never)]
-    fn painted(&self, hit: &Hit, paint: &'s Paint) -> (&'s Paint, TexturePoint) {
+    fn texture_point(&self, hit: &Hit, filtered: bool) -> TexturePoint {
         let geometry = &self.scene.geometry;
         let object = geometry.object_point(&self.ray, hit);
         let width = self.width(hit.t);
-        let footprint = if paint.filtered && width > 0.0 {
+        let footprint = if filtered && width > 0.0 {
             let [_, [along_u, along_v]] = geometry.tangents(hit, object);
             width / along_u.cross(along_v).length().sqrt()
         } else {
             0.0
         };
-        (paint, TexturePoint { uv: hit.uv, object, footprint })
+        TexturePoint { uv: hit.uv, object, footprint }
     }
 
     #[inline]
-    fn interaction(&self, hit: Hit, bsdf: Bsdf, after: Inside) -> Interaction {
+    fn interaction(&self, hit: Hit, bsdf: Bsdf, relief: Option<u32>, after: Inside) -> Interaction {
         let direction = self.ray.direction;
         let (mut shading_normal, mut tangent) = (hit.shading_normal, DVec3::ZERO);
 
         // What depends on the directions of u and v.
-        let relief = self.paint(&hit).filter(|(paint, _)| paint.relief.is_some());
+        let relief = self.paint(&hit, relief).filter(|(paint, _)| paint.relief.is_some());
         if relief.is_some() || bsdf.is_anisotropic() {
             let object = self.scene.geometry.object_point(&self.ray, &hit);
             let tangents = self.scene.geometry.tangents(&hit, object);
@@ -315,6 +349,10 @@ mod tests {
         fn segment(&mut self, segment: &Segment<'_>) -> ControlFlow<Infallible> {
             self.0.push((segment.a, segment.b, segment.medium));
             ControlFlow::Continue(())
+        }
+
+        fn mixture(&mut self, _: f64) -> Option<f64> {
+            None
         }
     }
 

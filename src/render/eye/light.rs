@@ -211,4 +211,8 @@ impl Visitor for Arriving<'_, '_, '_, '_> {
     fn crossing(&mut self, crossing: &Crossing<'_>) {
         self.looking.meet(crossing, self.luggage);
     }
+
+    fn mixture(&mut self, passes: f64) -> Option<f64> {
+        transport::pass_by_chance(passes, self.looking.context.stream)
+    }
 }

@@ -1,14 +1,17 @@
 //! Lights, placed.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::{Builder, Part, Shine};
 use crate::geometry::{Disk, Placed, Shape, Sphere};
 use crate::image;
-use crate::light::{self, Directional, Directivity, Environment, Light, Point, Sides, SoftCone, Spot};
+use crate::light::{
+    self, Directional, Directivity, Environment, Goniometric, Light, Point, Profile, Sides, SoftCone, Spot,
+};
 use crate::math::DAffine3;
 use crate::scene::Surface;
-use crate::scene::description::{self as said, LightKind};
+use crate::scene::description::{self as said, LightKind, Located, ProfileStrength};
 use crate::surface::Material;
 use crate::{Error, Result};
 
@@ -44,6 +47,17 @@ impl Builder<'_> {
                         self.lamp(Shape::Disk(disc), Material::None, shine).map_err(fail)?;
                     } else {
                         self.lights.push(Light::Spot(Spot { position, intensity: *intensity, cone }));
+                    }
+                }
+                LightKind::Profile { position, direction, strength, file } => {
+                    let profile = self.profile(file)?;
+                    let intensity = match *strength {
+                        ProfileStrength::Intensity(intensity) => intensity,
+                        ProfileStrength::Power(power) => power / profile.total(),
+                    };
+                    if intensity.max_element() > 0.0 {
+                        let lamp = Goniometric::new(*position - self.center, *direction, intensity, profile);
+                        self.lights.push(Light::Goniometric(lamp));
                     }
                 }
                 LightKind::Directional { direction, irradiance, angle, beam } => {
@@ -91,6 +105,15 @@ impl Builder<'_> {
             }
         }
         Ok(())
+    }
+
+    fn profile(&mut self, file: &Located<PathBuf>) -> Result<Arc<Profile>> {
+        if let Some(profile) = self.profiles.get(&file.value) {
+            return Ok(profile.clone());
+        }
+        let profile = Arc::new(Profile::read(&file.value).map_err(|error| file.place.error(error))?);
+        self.profiles.insert(file.value.clone(), profile.clone());
+        Ok(profile)
     }
 
     fn lamp(&mut self, shape: Shape, material: Material, shine: Shine) -> Result<()> {

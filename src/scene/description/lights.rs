@@ -47,6 +47,17 @@ pub enum LightKind {
         /// The radius of a disc facing the target with the same intensity far away; 0: a point.
         radius: f64,
     },
+    /// A point or a spot with the profile of a lamp.
+    Profile {
+        /// Where the light stands.
+        position: DVec3,
+        /// The unit vector along the lamp's axis.
+        direction: DVec3,
+        /// How strong it is.
+        strength: ProfileStrength,
+        /// An IESNA LM-63 file, or a EULUMDAT file.
+        file: Located<PathBuf>,
+    },
     /// Parallel light, or nearly so.
     Directional {
         /// The unit direction of travel.
@@ -67,6 +78,16 @@ pub enum LightKind {
         /// The turn about +y in degrees, counter-clockwise from above.
         rotate: f64,
     },
+}
+
+/// How strong a lamp with a profile is.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ProfileStrength {
+    /// The intensity in W/sr where the profile is brightest.
+    Intensity(Rgb),
+    /// The power in W in all directions together.
+    Power(Rgb),
 }
 
 /// The disc a round directional beam starts on, perpendicular to its direction.

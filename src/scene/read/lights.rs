@@ -1,11 +1,12 @@
 //! `[[lights]]`
 
 use std::f64::consts::PI;
+use std::path::PathBuf;
 
 use super::{Either, Names, all, either};
-use crate::math::Rgb;
+use crate::math::{DVec3, Rgb};
 use crate::medium::black_body;
-use crate::scene::description::{Beam, EnvironmentSource, Light, LightKind};
+use crate::scene::description::{Beam, EnvironmentSource, Light, LightKind, Located, ProfileStrength};
 use crate::scene::table::{Item, Read, Table, unit};
 
 pub(super) fn lights(items: &[Item], names: &Names) -> Read<Vec<Light>> {
@@ -26,12 +27,45 @@ fn kind(table: &Table, names: &Names) -> Read<LightKind> {
     read(table, names)
 }
 
-fn point(table: &Table, _: &Names) -> Read<LightKind> {
+fn point(table: &Table, names: &Names) -> Read<LightKind> {
     let position = table.require("position", Item::vector);
     let strength = strength(table);
     let radius = table.get_or("radius", 0.0, Item::length_or_zero);
+    let profile = profile(table, names);
+    let direction = table.get("direction", Item::direction);
     table.finish()?;
+    let (profile, direction) = (profile?, direction?);
+    if let Some(file) = profile {
+        without(table, "radius", "the light of a `profile` comes from one point")?;
+        let direction = direction.unwrap_or(-DVec3::Y);
+        return Ok(LightKind::Profile { position: position?, direction, strength: of_profile(strength?), file });
+    }
+    if direction.is_some() {
+        return Err(
+            table.fail_at("direction", "has no meaning without `profile`: a point shines in all directions alike")
+        );
+    }
     Ok(LightKind::Point { position: position?, intensity: intensity(strength?, 4.0 * PI), radius: radius? })
+}
+
+/// The file of a lamp's profile.
+fn profile(table: &Table, names: &Names) -> Read<Option<Located<PathBuf>>> {
+    table.get("profile", |item| item.file(names.folder, &["ies", "ldt"]))
+}
+
+fn of_profile(strength: Either<Rgb, Rgb>) -> ProfileStrength {
+    match strength {
+        Either::First(intensity) => ProfileStrength::Intensity(intensity),
+        Either::Second(power) => ProfileStrength::Power(power),
+    }
+}
+
+/// Refuses a key beside `profile`.
+fn without(table: &Table, key: &'static str, why: &str) -> Read<()> {
+    match table.find(key) {
+        None => Ok(()),
+        Some(item) => Err(item.fail(format!("has no meaning beside `profile`: {why}"))),
+    }
 }
 
 /// `intensity` or `power`; with a `temperature`, power has the colour of a black body.
@@ -56,7 +90,7 @@ fn intensity(strength: Either<Rgb, Rgb>, angle: f64) -> Rgb {
     }
 }
 
-fn spot(table: &Table, _: &Names) -> Read<LightKind> {
+fn spot(table: &Table, names: &Names) -> Read<LightKind> {
     // A cone as lamps have it, with an edge of a few degrees.
     const OUTER_ANGLE: f64 = 30.0;
     const EDGE: f64 = 5.0;
@@ -68,6 +102,7 @@ fn spot(table: &Table, _: &Names) -> Read<LightKind> {
     let inner_angle = table.get("inner_angle", |item| item.within(0.0, 90.0));
     let outer_angle = table.get_or("outer_angle", OUTER_ANGLE, |item| item.within(SMALLEST, 90.0));
     let radius = table.get_or("radius", 0.0, Item::length_or_zero);
+    let profile = profile(table, names);
     table.finish()?;
 
     let (position, inner_angle, outer_angle) = (position?, inner_angle?, outer_angle?);
@@ -75,6 +110,12 @@ fn spot(table: &Table, _: &Names) -> Read<LightKind> {
         return Err(table
             .fail_at("target", "is where the light stands, or too far away; expected another point than `position`"));
     };
+    if let Some(file) = profile? {
+        without(table, "radius", "the light of a profile comes from one point")?;
+        without(table, "inner_angle", "that says in which directions there is light")?;
+        without(table, "outer_angle", "that says in which directions there is light")?;
+        return Ok(LightKind::Profile { position, direction, strength: of_profile(strength?), file });
+    }
     let inner_angle = inner_angle.unwrap_or((outer_angle - EDGE).max(0.0));
     if inner_angle > outer_angle {
         return Err(

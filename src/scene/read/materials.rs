@@ -5,11 +5,12 @@ use std::cell::RefCell;
 use super::Names;
 use super::textures::texture;
 use crate::math::Rgb;
-use crate::scene::description::{Located, Material, Texture};
-use crate::scene::table::{Item, Read, Table};
+use crate::scene::description::{Located, Material, Place, Texture};
+use crate::scene::table::{Item, Noted, Read, Table};
+use crate::scene::tree::Value;
 use crate::surface::{
-    self, Bsdf, Coated, Conductor, Constituent, Dielectric, Fresnel, Lambert, Mirror, Mix, OrenNayar, Parameter, Phong,
-    Reflector, Relief, Schlick, Slot, Thin,
+    self, Bsdf, Coat, Coated, Conductor, Constituent, Dielectric, Fresnel, Lambert, Mirror, Mix, Mixture, OrenNayar,
+    Parameter, Phong, Reflector, Relief, Schlick, Slot, Thin, Varnish,
 };
 
 /// What shapes without a `material` are made of where they have an interior; a scene need not define it.
@@ -19,6 +20,110 @@ pub(super) const NONE: &str = "none";
 pub(super) struct Materials<'a> {
     pub names: &'a Names<'a>,
     pub items: &'a [(&'a str, Item<'a>)],
+    /// Parts of mixtures that have no name; their indices follow those of `items`.
+    unnamed: RefCell<Vec<Material>>,
+    /// Where mixtures are said, and their parts.
+    mixtures: RefCell<Vec<(Place, [Place; 2])>>,
+}
+
+/// Mixtures of mixtures are no deeper: what passes them is the sum of up to two to the power of it.
+const DEEPEST: usize = 8;
+
+/// What there is in a mixture.
+#[derive(Clone, Copy, Default)]
+struct Holds {
+    holes: bool,
+    surfaces: bool,
+}
+
+impl<'a> Materials<'a> {
+    pub fn new(names: &'a Names<'a>, items: &'a [(&'a str, Item<'a>)]) -> Self {
+        Materials { names, items, unnamed: RefCell::default(), mixtures: RefCell::default() }
+    }
+
+    /// The materials, with parts of mixtures that have no name after them; checks what mixtures are made of.
+    pub fn with_parts(&self, mut materials: Vec<Material>) -> Read<Vec<Material>> {
+        materials.append(&mut self.unnamed.borrow_mut());
+        for index in 0..materials.len() {
+            if let surface::Material::Mixture(mixture) = materials[index].kind {
+                let Holds { holes, surfaces } = self.holds(&materials, &mut vec![index])?;
+                if !surfaces {
+                    return Err(self.fail(&materials[index].place, "both parts are \"none\"; expected one that is not"));
+                }
+                materials[index].kind = surface::Material::Mixture(Mixture { has_holes: holes, ..mixture });
+            }
+        }
+        Ok(materials)
+    }
+
+    fn fail(&self, place: &Place, message: impl std::fmt::Display) -> Noted {
+        // What there are materials in.
+        self.items[0].1.fail_about(place, message)
+    }
+
+    /// What a mixture holds, the last of those on the `way` from the outermost.
+    fn holds(&self, materials: &[Material], way: &mut Vec<usize>) -> Read<Holds> {
+        let material = &materials[way[way.len() - 1]];
+        let surface::Material::Mixture(mixture) = material.kind else { return Ok(Holds::default()) };
+        let places = self.mixtures.borrow().iter().find(|(place, _)| *place == material.place).cloned();
+        let places = places.map_or([material.place.clone(), material.place.clone()], |(_, parts)| parts);
+        let mut all = Holds::default();
+        for (part, place) in [mixture.a as usize, mixture.b as usize].into_iter().zip(&places) {
+            match materials[part].kind {
+                surface::Material::None => all.holes = true,
+                surface::Material::Opaque(_) => all.surfaces = true,
+                surface::Material::Dielectric(_) => {
+                    return Err(self.fail(
+                        place,
+                        "is a dielectric, which has two sides; expected a part that reflects, \"thin_dielectric\", or \"none\"",
+                    ));
+                }
+                surface::Material::Mixture(_) if way.contains(&part) => {
+                    return Err(self.fail(place, format!("{:?} is made of itself", materials[part].name)));
+                }
+                surface::Material::Mixture(_) if way.len() == DEEPEST => {
+                    return Err(self.fail(place, format!("mixtures of mixtures are deeper here than {DEEPEST}")));
+                }
+                surface::Material::Mixture(_) => {
+                    way.push(part);
+                    let inner = self.holds(materials, way)?;
+                    way.pop();
+                    all = Holds { holes: all.holes || inner.holes, surfaces: all.surfaces || inner.surfaces };
+                }
+            }
+        }
+        Ok(all)
+    }
+
+    /// Whether a material reflects, and is made of nothing else.
+    fn is_reflector(&self, item: &Item) -> bool {
+        let named = match &item.node.value {
+            Value::String(name) => self.items.iter().find(|(known, _)| known == name).map(|(_, item)| item),
+            _ => Some(item),
+        };
+        named.is_some_and(|item| {
+            let kind = item.peek("type");
+            let others = ["layer", "normal_map", "bump"].iter().any(|key| item.peek(key).is_some());
+            !others && matches!(kind, Some(Value::String(kind)) if REFLECTORS.iter().any(|(name, _)| name == kind))
+        })
+    }
+
+    /// One part of a mixture, of whatever kind: its index.
+    fn part(&self, item: &Item) -> Read<u32> {
+        let part = if item.is_table() {
+            material(item.place().key(), item, self)?
+        } else {
+            let name = item.string()?;
+            if name != NONE || self.names.materials.contains(&NONE) {
+                return item.reference("material", &self.names.materials).map(|index| index as u32);
+            }
+            let (kind, place) = (surface::Material::None, item.place());
+            Material { name: NONE.to_owned(), kind, textures: Vec::new(), relief: None, place }
+        };
+        let mut unnamed = self.unnamed.borrow_mut();
+        unnamed.push(part);
+        Ok((self.items.len() + unnamed.len() - 1) as u32)
+    }
 }
 
 /// Where a material's parameters are read to.
@@ -111,15 +216,16 @@ pub(super) fn material(name: &str, item: &Item, all: &Materials) -> Read<Materia
         Reflector(ReadReflector),
         Other(fn(&Reading, &Table) -> Read<surface::Material>),
     }
-    let others: [(&str, Reader); 5] = [
+    let others: [(&str, Reader); 6] = [
+        ("schlick", Reader::Other(schlick_layers)),
         ("dielectric", Reader::Other(dielectric)),
         ("thin_dielectric", Reader::Other(thin_dielectric)),
         ("coated", Reader::Other(coated)),
         ("mix", Reader::Other(mix)),
         ("none", Reader::Other(|_, _| Ok(surface::Material::None))),
     ];
-    let kinds: Vec<(&str, Reader)> =
-        REFLECTORS.iter().map(|&(name, read)| (name, Reader::Reflector(read))).chain(others).collect();
+    let reflectors = REFLECTORS.iter().map(|&(name, read)| (name, Reader::Reflector(read)));
+    let kinds: Vec<(&str, Reader)> = reflectors.filter(|(name, _)| *name != "schlick").chain(others).collect();
     let table = item.table()?;
     let read = table.require("type", |item| item.choice(&kinds, &[]))?;
     let reading = Reading::new(all);
@@ -219,11 +325,36 @@ fn conductor(reading: &Reading, table: &Table) -> Read<Reflector> {
 }
 
 fn schlick(reading: &Reading, table: &Table) -> Read<Reflector> {
+    let schlick = schlick_layer(reading, table);
+    table.get("layer", |item| -> Read<()> {
+        Err(item.fail("a base, or a part of a mixture of two that reflect, has one layer; expected no second one"))
+    })?;
+    schlick.map(Reflector::Schlick)
+}
+
+fn schlick_layer(reading: &Reading, table: &Table) -> Read<Schlick> {
     let f0 = reading.share(table, "f0", Parameter::F0, 0.5);
     let roughness = reading.number(table, "roughness", Parameter::Roughness, 0.1);
     let isotropy = table.get_or("isotropy", 1.0, |item| item.above_up_to(0.0, 1.0));
-    table.later("layer")?;
-    Ok(Reflector::Schlick(Schlick { f0: f0?, roughness: roughness?, isotropy: isotropy? }))
+    Ok(Schlick { f0: f0?, roughness: roughness?, isotropy: isotropy? })
+}
+
+/// Schlick's surface of one layer, or of two: the keys of the table are the upper one's.
+fn schlick_layers(reading: &Reading, table: &Table) -> Read<surface::Material> {
+    let upper = schlick_layer(reading, table);
+    let lower = table.get("layer", |item| {
+        let part = Reading { constituent: Constituent::First, ..Reading::new(reading.all) };
+        let table = item.table()?;
+        let lower = schlick_layer(&part, &table);
+        table.finish()?;
+        reading.textures.borrow_mut().append(&mut part.textures.borrow_mut());
+        lower
+    });
+    let (upper, lower) = (upper?, lower?);
+    Ok(match lower {
+        None => Reflector::Schlick(upper).into(),
+        Some(lower) => Bsdf::Coated(Coated { base: Reflector::Schlick(lower), coat: Coat::Schlick(upper) }).into(),
+    })
 }
 
 fn dielectric(reading: &Reading, table: &Table) -> Read<surface::Material> {
@@ -241,12 +372,23 @@ fn coated(reading: &Reading, table: &Table) -> Read<surface::Material> {
     let base = reading.part(table, "base", Constituent::First);
     let index = table.get_or("ior", 1.5, Item::positive);
     let roughness = reading.number(table, "roughness", Parameter::Roughness, 0.0);
-    Ok(Bsdf::Coated(Coated::new(base?, index?, roughness?)).into())
+    let coat = Coat::Dielectric(Varnish::new(index?, roughness?));
+    Ok(Bsdf::Coated(Coated { base: base?, coat }).into())
 }
 
 fn mix(reading: &Reading, table: &Table) -> Read<surface::Material> {
+    let weight = reading.number(table, "weight", Parameter::Weight, 0.5);
+    let item = |key| table.require(key, |item| Ok(item.clone()));
+    let (a, b) = (item("a"), item("b"));
+    let (a, b) = (a?, b?);
+    let all = reading.all;
+    if !all.is_reflector(&a) || !all.is_reflector(&b) {
+        let parts = (all.part(&a), all.part(&b));
+        all.mixtures.borrow_mut().push((table.place(), [a.place(), b.place()]));
+        let mixture = Mixture { a: parts.0?, b: parts.1?, weight: weight?, has_holes: false };
+        return Ok(surface::Material::Mixture(mixture));
+    }
     let a = reading.part(table, "a", Constituent::First);
     let b = reading.part(table, "b", Constituent::Second);
-    let weight = reading.number(table, "weight", Parameter::Weight, 0.5);
     Ok(Bsdf::Mix(Mix { a: a?, b: b?, weight: weight? }).into())
 }

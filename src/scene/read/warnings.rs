@@ -2,7 +2,8 @@
 
 use crate::math::Rgb;
 use crate::scene::description::{
-    Description, EnvironmentSource, Light, LightKind, Medium, MediumEmission, Method, Place, Shape, Strength,
+    Description, EnvironmentSource, Light, LightKind, Medium, MediumEmission, Method, Place, ProfileStrength, Shape,
+    Strength,
 };
 use crate::surface::Material;
 
@@ -32,6 +33,7 @@ fn no_light(scene: &Description, warnings: &mut Vec<String>) {
 fn shines(light: &Light) -> bool {
     let strength = match &light.kind {
         LightKind::Point { intensity, .. } | LightKind::Spot { intensity, .. } => *intensity,
+        LightKind::Profile { strength: ProfileStrength::Intensity(all) | ProfileStrength::Power(all), .. } => *all,
         LightKind::Directional { irradiance, .. } => *irradiance,
         LightKind::Environment { source: EnvironmentSource::Constant(radiance), scale, .. } => *radiance * *scale,
         LightKind::Environment { source: EnvironmentSource::Image(_), scale, .. } => *scale,
@@ -109,10 +111,11 @@ fn lights_without_size(scene: &Description, warnings: &mut Vec<String>) {
     if scene.render.method != Method::Path {
         return;
     }
-    let hides = |shape: &&Shape| shape.visible && hides_lights(scene.materials[shape.material.value].kind);
+    let hides = |shape: &&Shape| shape.visible && hides_lights(scene, scene.materials[shape.material.value].kind);
     let without_size = |light: &&Light| {
         let none = match light.kind {
             LightKind::Point { radius, .. } | LightKind::Spot { radius, .. } => radius == 0.0,
+            LightKind::Profile { .. } => true,
             LightKind::Directional { angle, .. } => angle == 0.0,
             LightKind::Environment { .. } => false,
         };
@@ -137,8 +140,8 @@ fn unseen_by_light_tracing(scene: &Description, warnings: &mut Vec<String>) {
         return;
     }
     let is_smooth = |material: Material| match material {
-        Material::Dielectric(dielectric) => dielectric.roughness == 0.0 && hides_lights(material),
-        material => hides_lights(material),
+        Material::Dielectric(dielectric) => dielectric.roughness == 0.0 && hides_lights(scene, material),
+        material => hides_lights(scene, material),
     };
     let hides = |shape: &&Shape| shape.visible && is_smooth(scene.materials[shape.material.value].kind);
     let shapes: Vec<&str> = scene.shapes.iter().filter(hides).map(|shape| shape.place.key()).collect();
@@ -152,10 +155,13 @@ fn unseen_by_light_tracing(scene: &Description, warnings: &mut Vec<String>) {
 }
 
 /// Whether lights by way of this material are found only by hitting them.
-fn hides_lights(material: Material) -> bool {
+fn hides_lights(scene: &Description, material: Material) -> bool {
     match material {
         Material::Dielectric(dielectric) => dielectric.index != Rgb::ONE,
         Material::Opaque(_) | Material::None => material.is_partly_specular(),
+        Material::Mixture(mixture) => {
+            [mixture.a, mixture.b].iter().any(|part| hides_lights(scene, scene.materials[*part as usize].kind))
+        }
     }
 }
 
