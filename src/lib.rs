@@ -15,8 +15,8 @@
 //!   computed, [`scene::Settings`] say.
 //! - [`render`] decides once what the scene needs (the [`render::Plan`]), then makes passes: photons, maps, and
 //!   camera samples that walk from surface to surface.
-//! - [`photon`] draws photons from lights and glowing media, walks them, stores them where they collide, finds
-//!   their radii and builds the hierarchy over their discs.
+//! - [`photon`] draws photons from lights and glowing media, walks them, stores them where they collide, or, bent by glass and mirrors,
+//!   land on surfaces, finds their radii and builds the hierarchy over their discs.
 //! - [`gather`] answers beam queries: what a segment of a ray receives from the discs it crosses; and point queries,
 //!   for which it marches along rays.
 //! - [`transport`] is the journey that photons and eye paths share: from vertex to vertex, through media and boundaries;

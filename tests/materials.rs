@@ -86,19 +86,15 @@ radius = 0.2
 emission = { radiance = [12, 10, 8] }
 "#;
 
+/// By photons, against what path tracing found once with a standard error (32 seeds of 240 samples); light paths are held to such a
+/// room in `three_methods`.
 #[test]
-fn all_methods_agree_among_all_materials() {
+fn photons_light_a_room_of_all_materials() {
     let mut checks = Checks::default();
-    let path = images(16, ROOM, &["render.method=path", "render.samples=60"]);
     let photon = images(16, ROOM, &["render.method=photon", "render.samples=40", "photons.volume=60_000"]);
-    let grey = |images: &[Image]| Estimate::over(images, |image| [image.mean(); 3]);
-    checks.agree("room", &grey(&photon), &grey(&path), 0.006, 0.005);
-
-    // What is seen through a pane, connections to the camera do not find.
-    let text = ROOM.replace("material = \"pane\"", "material = \"worn\"");
-    let path = images(16, &text, &["render.method=path", "render.samples=60"]);
-    let light = images(16, &text, &["render.method=light", "render.samples=150"]);
-    checks.agree("room, by light", &grey(&light), &grey(&path), 0.006, 0.0);
+    let found = Estimate::over(&photon, |image| [image.mean(); 3]);
+    let path = Estimate { mean: [0.328_859; 3], standard_error: [2.5e-4; 3] };
+    checks.agree("room", &found, &path, 0.006, 0.005);
     checks.finish();
 }
 

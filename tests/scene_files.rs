@@ -690,13 +690,11 @@ fn several_mistakes_are_reported_at_once_in_the_order_of_the_file() {
 /// Keys of the manual whose features are still to come.
 const LATER: &[&str] = &[
     "[photons]\nglobal = 200_000\n",
-    "[photons]\ncaustic = 200_000\n",
     "[surface]\nindirect = \"final_gather\"\n",
-    "[surface]\nestimate = \"knn\"\n",
+    "[surface]\nestimate = \"sheets\"\n",
     "[surface]\ngather_rays = 200\n",
     "[surface]\nirradiance_cache = true\n",
-    "[surface]\nneighbours = 80\n",
-    "[surface]\nfilter = \"cone\"\n",
+    "[surface]\nindirect = \"map\"\n",
 ];
 
 #[test]
@@ -706,7 +704,7 @@ fn what_is_not_built_yet_is_refused_as_such() {
         assert!(message.lines().all(|line| line.contains("not supported yet")), "{message}");
     }
     // What these say is what is done anyway.
-    let idle = "[photons]\nglobal = 0\ncaustic = 0\n[surface]\nirradiance_cache = false\n";
+    let idle = "[photons]\nglobal = 0\ncaustic = 0\n[surface]\nirradiance_cache = false\nindirect = \"path\"\nestimate = \"knn\"\n";
     assert!(parse(&format!("{idle}{CAMERA}"), &[]).is_ok());
 }
 

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use super::camera::Camera;
 use crate::math::random::Purpose;
-use crate::math::{Ray, Rgb, Stream};
+use crate::math::{DVec3, Ray, Rgb, Stream};
 use crate::scene::Scene;
 use crate::surface::Side;
 use crate::transport::{Heading, Luggage, Part, Parts, Segment, Tally, Traveller, Vertex, Walk, fly, survive, travel};
@@ -25,8 +25,11 @@ pub(super) struct Pilot<'s> {
 
 /// How a walk of the pilot went.
 enum Wandered {
-    Ended { collided: bool },
-    TooLong,
+    Ended {
+        collided: bool,
+    },
+    /// It was given up here.
+    TooLong(DVec3),
 }
 
 /// A path that walks by chance, and is only counted.
@@ -36,7 +39,8 @@ struct Wanderer<'s, 't> {
     /// It gives up after so many events.
     most: u64,
     collided: bool,
-    too_long: bool,
+    /// Where it gave up.
+    given_up: Option<DVec3>,
 }
 
 impl<'s> Traveller<'s> for Wanderer<'s, '_> {
@@ -67,22 +71,22 @@ impl<'s> Traveller<'s> for Wanderer<'s, '_> {
         self.collided |= matches!(at, Vertex::Medium(_));
         let onward = at.onward(Side::Light, None, &mut luggage.weight, self.stream, survive)?;
         luggage.events += 1;
-        self.too_long = luggage.events >= self.most;
-        (!self.too_long).then_some(Heading { direction: onward.direction, clearance: None })
+        if luggage.events >= self.most {
+            self.given_up = Some(at.point());
+        }
+        self.given_up.is_none().then_some(Heading { direction: onward.direction, clearance: None })
     }
 
-    fn stopped(&mut self) {
-        self.too_long = true;
-    }
+    fn stopped(&mut self) {}
 }
 
 fn wander(scene: &Scene, ray: Ray, most: u64, stream: &mut Stream) -> Wandered {
     let walk = Walk::start(scene, ray, scene.inside(ray.origin));
-    let mut wanderer = Wanderer { scene, stream, most, collided: false, too_long: false };
+    let mut wanderer = Wanderer { scene, stream, most, collided: false, given_up: None };
     let start = Part { walk, luggage: Luggage::new(Rgb::ONE, ()), collision: None };
     travel(&mut wanderer, start, &mut Parts::new());
     match wanderer {
-        Wanderer { too_long: true, .. } => Wandered::TooLong,
+        Wanderer { given_up: Some(point), .. } => Wandered::TooLong(point),
         Wanderer { collided, .. } => Wandered::Ended { collided },
     }
 }
@@ -109,9 +113,29 @@ impl Pilot<'_> {
         (collided as f64) < RARE * PILOT as f64
     }
 
-    /// Where nothing absorbs, nothing escapes, and no limit ends a path, there is no steady state.
+    /// Where nothing absorbs, nothing escapes, and no limit ends a path, there is no steady state; and in a world's medium that has no
+    /// end and absorbs nothing, what leaves the scene wanders for ever.
     pub fn refuse_eternity(&self) -> Result<()> {
+        const WALKS: u64 = 32;
+        const LONG: u64 = 100_000;
         let scene = self.scene;
+        let walks = (0..WALKS).map(|index| {
+            let mut stream = Stream::new(self.seed, Purpose::Pilot, index, u64::MAX);
+            self.walk(LONG, &mut stream)
+        });
+        let endless = scene
+            .world
+            .map(|world| &scene.media[world as usize])
+            .filter(|medium| medium.scatters() && medium.albedo.max_element() >= 1.0 && medium.density.is_endless());
+        if let Some(medium) = endless {
+            let bounds = scene.bounds();
+            if walks.clone().any(|walk| matches!(walk, Wandered::TooLong(point) if !bounds.contains(point))) {
+                return Err(Error::Scene(format!(
+                    "medium {} fills the world without an end and absorbs nothing, so that light which leaves the scene wanders in it for ever: put it into a shape, give it a sigma_a, let it thin out, or limit render.max_depth",
+                    medium.name
+                )));
+            }
+        }
         let absorbs = |albedo: Rgb| albedo.min_element() < 1.0;
         let surfaces = scene.surfaces.iter().any(|surface| surface.material.absorbs());
         let media = scene.media.iter().any(|medium| !medium.is_clear() && absorbs(medium.albedo));
@@ -119,13 +143,8 @@ impl Pilot<'_> {
             return Ok(());
         }
         // Nothing absorbs: does anything escape?
-        const WALKS: u64 = 32;
-        const LONG: u64 = 100_000;
-        for index in 0..WALKS {
-            let mut stream = Stream::new(self.seed, Purpose::Pilot, index, u64::MAX);
-            if matches!(self.walk(LONG, &mut stream), Wandered::Ended { .. }) {
-                return Ok(());
-            }
+        if walks.into_iter().any(|walk| matches!(walk, Wandered::Ended { .. })) {
+            return Ok(());
         }
         Err(Error::Scene(
             "light in this scene neither escapes nor is absorbed, so it has no steady state: open the scene, lower a reflectance or an albedo below 1, or limit render.max_depth"

@@ -240,7 +240,9 @@ pub fn volume_photons(scene: &Scene, settings: &Settings) -> u64 {
 pub fn caustic_photons(scene: &Scene, settings: &Settings) -> u64 {
     let max_events = Events::of_max_depth(settings.render.max_depth);
     let there = settings.render.method == Method::Photon && max_events.allows(1) && may_have_caustics(scene);
-    if there { settings.photons.caustic.unwrap_or(CAUSTIC_PHOTONS) } else { 0 }
+    // Who asks for few photons wants a quick picture.
+    let default = settings.photons.volume.map_or(CAUSTIC_PHOTONS, |volume| volume.min(CAUSTIC_PHOTONS));
+    if there { settings.photons.caustic.unwrap_or(default) } else { 0 }
 }
 
 /// Whether all media that scatter are in solids that hardly any light passes straight.
