@@ -16,7 +16,7 @@ use crate::math::{DVec3, Rgb, Stream};
 /// ∫ f_b(i′→o′) v(o′→o) dω′ = E[w f_b(i′→o′)] cos θ_o (n₁/n₂)², with o′ drawn by the walk from o into the coat, and w its weight; bases that
 /// are narrower than the coat are drawn from, and the coat's facets asked instead. Where both coat and base reflect shares a and b
 /// of light specularly, what is on its way out goes to and fro between them: 1 + ab + (ab)² + … = 1/(1 − ab) times. A smooth dielectric
-/// over a Lambertian base needs no walk: its sum is known in closed form ([`Glaze`]).
+/// over a Lambertian base needs no walk: its sum is known in closed form.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Coated {
     /// What is under the coat.
