@@ -52,6 +52,9 @@ const PILOT: u64 = 1 << 13;
 /// more.
 const MOST_EMISSIONS: u64 = 16;
 
+/// Where fewer of the pilot's photons land, caustics are left to chance.
+const FEWEST: u64 = 8;
+
 /// Whether there may be caustics: something specular among surfaces that spread light, and lights.
 pub fn may_be(scene: &Scene) -> bool {
     let spreads = |material: &Material| match material {
@@ -66,7 +69,7 @@ pub fn may_be(scene: &Scene) -> bool {
 }
 
 /// Traces the photons of caustics. `progress` is told how many emissions were done since it was last told, and how many there are to
-/// be; `stop` ends the pass early.
+/// be; `stop` ends the pass early. Nothing is emitted where hardly any would land.
 pub fn trace_caustics(
     scene: &Scene,
     pass: &CausticPass,
@@ -88,8 +91,12 @@ pub fn trace_caustics(
         stored = bare;
     }
 
+    if stored < FEWEST {
+        return Caustics::default();
+    }
+
     let most = pass.target.saturating_mul(MOST_EMISSIONS).min(pass.max_emitted);
-    let wanted = pass.target.saturating_mul(PILOT) / stored.max(1);
+    let wanted = pass.target.saturating_mul(PILOT) / stored;
     let emitted = wanted.clamp(1, most.max(1));
     let mut caustics = tracer.run(Purpose::Caustic, emitted, progress, stop);
     let scale = (1.0 / caustics.emitted.max(1) as f64) as f32;

@@ -1,4 +1,4 @@
-//! Photons in media: how they are traced, stored and spread.
+//! Photons in media and on surfaces: how they are traced, stored and spread.
 //!
 //! - `caustics` are photons on surfaces that came by specular events alone.
 //! - `emission` draws where they start, `pilot` finds out how, `tracer` is their journey, `pass` all of them together.

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use super::plan::{Plan, Points, SheetSettings};
+use super::plan::{CausticSettings, Plan, Points};
 use super::progress::Progress;
 use super::stats::Stats;
 use crate::gather::{PointMaps, SurfaceMap, VolumeMaps};
@@ -74,7 +74,7 @@ impl Maps {
 }
 
 /// Traces the photons of a pass's caustics, and puts them into a map as narrow as after the passes before it; what that cost is
-/// added to `stats`. `None` where there are none, or `stop` ended it.
+/// added to `stats`. `None` where there are none, hardly any would land, or `stop` ended it.
 pub(super) fn caustic_map(
     scene: &Scene,
     plan: &Plan,
@@ -95,7 +95,7 @@ pub(super) fn caustic_map(
         max_events: plan.max_events,
     };
     let Caustics { photons, emitted, tally } = trace_caustics(scene, &order, &|done, _| progress.advance(done), stop);
-    if stop() {
+    if emitted == 0 || stop() {
         return None;
     }
     stats.emitted += emitted;
@@ -104,7 +104,7 @@ pub(super) fn caustic_map(
     stats.photons_seconds += start.elapsed().as_secs_f64();
 
     let start = Instant::now();
-    let SheetSettings { neighbours, max_radius, filter } = plan.caustics;
+    let CausticSettings { neighbours, max_radius, filter } = plan.caustics;
     let scale = narrowing(pass / plan.parts, SurfaceMap::DIMENSION) as f32;
     let map = SurfaceMap::build(photons, (neighbours, max_radius), filter, scale);
     stats.tally.broken += map.rejected() as u64;

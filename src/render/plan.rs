@@ -29,7 +29,7 @@ pub struct Plan {
     /// Photons wanted in each pass's caustic map; 0 if there is none.
     pub caustic_photons: u64,
     /// How the caustic map is looked up.
-    pub caustics: SheetSettings,
+    pub caustics: CausticSettings,
     /// The most photons that are emitted in a pass.
     pub max_emitted: u64,
     /// How wide they are spread.
@@ -55,7 +55,7 @@ pub struct Plan {
 
 /// How photons on surfaces are looked up.
 #[derive(Clone, Copy, Debug)]
-pub struct SheetSettings {
+pub struct CausticSettings {
     /// The number n of photons whose distance is the radius.
     pub neighbours: u32,
     /// No radius exceeds this.
@@ -154,7 +154,7 @@ impl Plan {
             },
             volume_photons: if photons > 0 { (photons / parts as u64).max(1) } else { 0 },
             caustic_photons: caustic_photons(scene, settings).div_ceil(u64::from(parts)),
-            caustics: SheetSettings {
+            caustics: CausticSettings {
                 neighbours: surface.neighbours,
                 max_radius: surface.caustic_radius.unwrap_or(CAUSTIC_RADIUS_SHARE * scene.bounds().diagonal()) as f32,
                 filter: surface.filter,
