@@ -43,16 +43,9 @@ impl Goniometric {
     }
 
     pub(super) fn arrive(&self, p: DVec3) -> Option<Arrival> {
-        let distance = self.position.distance(p);
-        let direction = (self.position - p) / distance;
-        let share = if distance > 0.0 { self.profile.at(self.frame.to_local(-direction)) } else { 0.0 };
-        (share > 0.0).then(|| Arrival {
-            direction,
-            distance,
-            radiance: share * self.intensity / (distance * distance),
-            density: 1.0,
-            has_size: false,
-            normal: -direction,
+        Arrival::from_point(self.position, p, |travel| {
+            let share = self.profile.at(self.frame.to_local(travel));
+            (share > 0.0).then(|| share * self.intensity)
         })
     }
 

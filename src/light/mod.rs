@@ -70,6 +70,23 @@ pub struct Arrival {
     pub normal: DVec3,
 }
 
+impl Arrival {
+    /// At `p` from a light without size; `intensity` is told the direction of travel, and is `None` where none is sent.
+    fn from_point(position: DVec3, p: DVec3, intensity: impl FnOnce(DVec3) -> Option<Rgb>) -> Option<Arrival> {
+        let distance = position.distance(p);
+        let direction = (position - p) / distance;
+        let intensity = if distance > 0.0 { intensity(-direction)? } else { return None };
+        Some(Arrival {
+            direction,
+            distance,
+            radiance: intensity / (distance * distance),
+            density: 1.0,
+            has_size: false,
+            normal: -direction,
+        })
+    }
+}
+
 /// A photon at its start.
 #[derive(Clone, Copy, Debug)]
 pub struct Departure {

@@ -21,15 +21,7 @@ impl Point {
     }
 
     pub(super) fn arrive(&self, p: DVec3) -> Option<Arrival> {
-        let distance = self.position.distance(p);
-        (distance > 0.0).then(|| Arrival {
-            direction: (self.position - p) / distance,
-            distance,
-            radiance: self.intensity / (distance * distance),
-            density: 1.0,
-            has_size: false,
-            normal: (p - self.position) / distance,
-        })
+        Arrival::from_point(self.position, p, |_| Some(self.intensity))
     }
 
     pub(super) fn depart(&self, stream: &mut Stream) -> Departure {

@@ -72,16 +72,9 @@ impl Spot {
     }
 
     pub(super) fn arrive(&self, p: DVec3) -> Option<Arrival> {
-        let distance = self.position.distance(p);
-        let direction = (self.position - p) / distance;
-        let share = if distance > 0.0 { self.cone.share(-direction) } else { 0.0 };
-        (share > 0.0).then(|| Arrival {
-            direction,
-            distance,
-            radiance: share * self.intensity / (distance * distance),
-            density: 1.0,
-            has_size: false,
-            normal: -direction,
+        Arrival::from_point(self.position, p, |travel| {
+            let share = self.cone.share(travel);
+            (share > 0.0).then(|| share * self.intensity)
         })
     }
 

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::Photon;
 use super::emission::{Sources, Start};
 use super::history::History;
-use super::tracer::CHUNK;
+use super::tracer::in_chunks;
 use crate::math::random::Purpose;
 use crate::math::{Ray, Stream};
 use crate::scene::Scene;
@@ -119,25 +119,16 @@ impl<'s> CausticTracer<'s> {
         progress: &(impl Fn(u64, u64) + Sync),
         stop: &(impl Fn() -> bool + Sync),
     ) -> Caustics {
-        let chunk = |index: u64| {
-            let mut found = Caustics::default();
-            let mut parts = Parts::new();
-            let photons = index * CHUNK..((index + 1) * CHUNK).min(emitted);
-            let count = photons.end - photons.start;
-            for photon in photons {
-                if photon % 16 == 0 && stop() {
-                    return Caustics::default();
-                }
-                let mut stream = Stream::new(self.pass.seed, purpose, photon, self.pass.index);
-                self.emit(&mut stream, &mut found, &mut parts);
-            }
+        let emit = |photon, found: &mut Caustics, parts: &mut Parts<'s, Bent>| {
+            let mut stream = Stream::new(self.pass.seed, purpose, photon, self.pass.index);
+            self.emit(&mut stream, found, parts);
+        };
+        let end = |found: &mut Caustics, count| {
             found.emitted = count;
             progress(count, emitted);
-            found
         };
-        let chunks: Vec<Caustics> = (0..emitted.div_ceil(CHUNK)).into_par_iter().map(chunk).collect();
         let mut all = Caustics::default();
-        for chunk in chunks {
+        for chunk in in_chunks(0..emitted, stop, emit, end) {
             all.emitted += chunk.emitted;
             all.tally = all.tally.merge(chunk.tally);
             all.photons.extend(chunk.photons);

@@ -92,6 +92,33 @@ pub(super) struct Chunk {
     pub tally: Tally,
 }
 
+/// Traces a range of emissions in parallel, a chunk at a time, in their order: `emit` adds one to its chunk, with room that it may
+/// use; `end` is told when a chunk is done, and how many emissions it is of. Chunks that `stop` ends are left empty.
+pub(super) fn in_chunks<C: Default + Send, R: Default>(
+    range: Range<u64>,
+    stop: &(impl Fn() -> bool + Sync),
+    emit: impl Fn(u64, &mut C, &mut R) + Sync,
+    end: impl Fn(&mut C, u64) + Sync,
+) -> Vec<C> {
+    let chunks = (range.end - range.start).div_ceil(CHUNK);
+    let trace = |index: u64| {
+        let (mut chunk, mut room) = (C::default(), R::default());
+        let first = range.start + index * CHUNK;
+        let photons = first..(first + CHUNK).min(range.end);
+        let count = photons.end - photons.start;
+        for photon in photons {
+            // To ask may mean to look at a clock.
+            if photon % 16 == 0 && stop() {
+                return C::default();
+            }
+            emit(photon, &mut chunk, &mut room);
+        }
+        end(&mut chunk, count);
+        chunk
+    };
+    (0..chunks).into_par_iter().map(trace).collect()
+}
+
 impl<'s> Tracer<'s> {
     /// Before any pilot.
     pub fn new(scene: &'s Scene, pass: &'s Pass) -> Self {
@@ -120,29 +147,16 @@ impl<'s> Tracer<'s> {
         progress: &(impl Fn(u64, u64) + Sync),
         stop: &(impl Fn() -> bool + Sync),
     ) -> Vec<Chunk> {
-        let chunks = (range.end - range.start).div_ceil(CHUNK);
-        (0..chunks)
-            .into_par_iter()
-            .map(|index| {
-                let mut chunk = Chunk::default();
-                let mut parts = Parts::new();
-                let first = range.start + index * CHUNK;
-                let part = first..(first + CHUNK).min(range.end);
-                let count = part.end - part.start;
-                for photon in part {
-                    // To ask may mean to look at a clock.
-                    if photon % 16 == 0 && stop() {
-                        return Chunk::default();
-                    }
-                    let mut stream = Stream::new(self.pass.seed, purpose, photon, self.pass.index);
-                    self.emit(&mut stream, &mut chunk, &mut parts);
-                }
-                chunk.emitted = count;
-                chunk.volume.photons.shrink_to_fit();
-                progress(count, emitted);
-                chunk
-            })
-            .collect()
+        let emit = |photon, chunk: &mut Chunk, parts: &mut Parts<'s, Remembered>| {
+            let mut stream = Stream::new(self.pass.seed, purpose, photon, self.pass.index);
+            self.emit(&mut stream, chunk, parts);
+        };
+        let end = |chunk: &mut Chunk, count| {
+            chunk.emitted = count;
+            chunk.volume.photons.shrink_to_fit();
+            progress(count, emitted);
+        };
+        in_chunks(range, stop, emit, end)
     }
 
     /// Emits one photon, and follows it and all that is split off it.

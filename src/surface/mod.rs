@@ -285,9 +285,9 @@ impl Bsdf {
         }
     }
 
-    /// Whether what passes goes on in another direction.
-    pub fn bends(&self) -> bool {
-        !matches!(self, Bsdf::Thin(_))
+    /// Whether it is a sheet: what passes goes on in the direction it had.
+    pub fn is_sheet(&self) -> bool {
+        matches!(self, Bsdf::Thin(_))
     }
 
     /// The boundary between two indices of refraction that it is, if it is one: light takes two ways there.

@@ -56,8 +56,8 @@ impl Interaction {
         let through = onward.direction.dot(self.incidence.normal) < 0.0;
         match (onward.density > 0.0, through) {
             (true, _) => Event::Scattered,
-            (false, true) if self.bsdf.bends() => Event::Refracted,
-            (false, true) => Event::Passed,
+            (false, true) if self.bsdf.is_sheet() => Event::Passed,
+            (false, true) => Event::Refracted,
             (false, false) => Event::Mirrored,
         }
     }

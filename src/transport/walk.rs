@@ -264,7 +264,8 @@ impl<'s> Walk<'s> {
         let (mut shading_normal, mut tangent) = (hit.shading_normal, DVec3::ZERO);
 
         // What depends on the directions of u and v.
-        let relief = self.paint(&hit, relief).filter(|(paint, _)| paint.relief.is_some());
+        let turns = |paint: &u32| self.scene.paints[*paint as usize].relief.is_some();
+        let relief = self.paint(&hit, relief.filter(turns));
         if relief.is_some() || bsdf.is_anisotropic() {
             let object = self.scene.geometry.object_point(&self.ray, &hit);
             let tangents = self.scene.geometry.tangents(&hit, object);
