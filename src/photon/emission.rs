@@ -42,6 +42,8 @@ const AROUND: f64 = 0.25;
 const WIDER: f64 = 3.0;
 /// The share of photons that are aimed at the spheres around specular surfaces: the rest is for what those photons bend farther.
 const SPECULAR: f64 = 0.95;
+/// Specular surfaces that are aimed at one by one, at most.
+const MOST_TARGETS: usize = 64;
 /// The share of photons that stays drawn in proportion to power once shares are evened out: what is learnt from a few
 /// photons may be wrong.
 const BY_POWER: f64 = 0.25;
@@ -127,13 +129,20 @@ impl<'s> Sources<'s> {
     pub fn aim_at_specular(&mut self) {
         let is_specular = |material| self.scene.any_part(material, &Material::is_partly_specular);
         let specular = (0..).zip(&self.scene.surfaces).filter(|(_, surface)| is_specular(&surface.material));
-        let targets: Vec<Target> = specular
+        let mut targets: Vec<Target> = specular
             .map(|(shape, _)| {
                 let (center, radius) = self.scene.geometry.bounding_sphere(shape);
                 // The light that just grazes it, too.
                 Target { center, radius: radius * (1.0 + 1e-9), share: 0.0 }
             })
             .collect();
+        // Every photon asks every target for its density: of many, the sphere around all is aimed at.
+        if targets.len() > MOST_TARGETS {
+            let all = targets.iter().fold(Bounds::EMPTY, |all, target| {
+                all.union(Bounds { min: target.center, max: target.center }.grown(target.radius))
+            });
+            targets = vec![Target { center: all.center(), radius: 0.5 * all.diagonal(), share: 0.0 }];
+        }
         let all = targets.len();
         self.aim_at(targets, all, [SPECULAR, 0.0]);
     }
