@@ -7,7 +7,13 @@ use volpm::photon::Photon;
 
 fn photon(position: DVec3, direction: DVec3, stream: &mut Stream) -> Photon {
     let power = Vec3::from_array([0; 3].map(|_| stream.uniform() as f32));
-    Photon { position: position.as_vec3(), direction: direction.as_vec3(), power, events: (4.0 * power.x) as u8 }
+    Photon {
+        position: position.as_vec3(),
+        direction: direction.as_vec3(),
+        power,
+        events: (4.0 * power.x) as u8,
+        normal: Default::default(),
+    }
 }
 
 /// Spread over a cube five wide.

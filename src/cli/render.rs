@@ -350,7 +350,7 @@ impl Report {
             photons: Photons {
                 emitted: stats.emitted,
                 volume: stats.volume,
-                global: 0,
+                global: stats.global,
                 caustic: stats.caustic,
                 radius: [stats.radii.min, stats.radii.mean, stats.radii.max],
             },

@@ -317,6 +317,7 @@ mod tests {
                     direction: sampling::sphere(stream.uniform2()).as_vec3(),
                     power: Vec3::from_array([0; 3].map(|_| stream.uniform() as f32)),
                     events: (stream.uniform() * 4.0) as u8,
+                    normal: Default::default(),
                 }
             })
             .collect()
@@ -421,7 +422,13 @@ mod tests {
 
     #[test]
     fn photons_at_one_place_and_none() {
-        let one = Photon { position: Vec3::new(0.3, -4.0, 2.0), direction: Vec3::X, power: Vec3::ONE, events: 0 };
+        let one = Photon {
+            position: Vec3::new(0.3, -4.0, 2.0),
+            direction: Vec3::X,
+            power: Vec3::ONE,
+            events: 0,
+            normal: Default::default(),
+        };
         let phase = PhaseLanes::new(Isotropic);
         let query =
             PointQuery { position: one.position.as_dvec3(), direction: DVec3::Z, phase: &phase, max_events: 255 };
@@ -460,6 +467,7 @@ mod tests {
             direction: Vec3::Y,
             power: Vec3::splat(1e-3),
             events: 0,
+            normal: Default::default(),
         };
         let photons: Vec<Photon> = (0..COUNT).map(photon).collect();
         let density = 1e-3 * COUNT as f64 / 8.0;

@@ -107,6 +107,7 @@ fn world(dice: &mut Dice) -> World {
             direction: dice.direction().as_vec3(),
             power: Vec3::from_array([0; 3].map(|_| dice.0.uniform() as f32)),
             events: dice.below(4) as u8,
+            normal: Default::default(),
         })
         .collect();
     let radius = if dice.chance(0.5) {

@@ -6,8 +6,8 @@ use super::beam::Pruning;
 use super::point::Marching;
 use super::segment::EyeSegment;
 use super::{
-    BeamQuery, Bundle, BundleScratch, DepthTable, Fan, GatherStats, Gathered, Lattices, PhaseLanes, SampledDepths,
-    Samples, StreamScratch,
+    BeamQuery, Bundle, BundleScratch, DepthTable, Fan, GatherStats, Gathered, GlobalMemory, Lattices, PhaseLanes,
+    SampledDepths, Samples, StreamScratch,
 };
 use crate::math::{DVec3, Ray, Rgb, Vec3, one_minus_exp_over};
 use crate::medium::{Emission, Medium};
@@ -44,8 +44,10 @@ pub struct Queue<O> {
     table: DepthTable,
     /// For rays that are marched instead.
     pub marching: Marching,
-    /// For points on surfaces.
+    /// For points on surfaces: of caustics,
     pub around: PointMemory,
+    /// and of all light.
+    pub global: GlobalMemory,
     bundle: BundleScratch,
     stream: StreamScratch,
     /// What was counted.
@@ -63,6 +65,7 @@ impl<O> Default for Queue<O> {
             table: DepthTable::new(),
             marching: Marching::default(),
             around: PointMemory::default(),
+            global: GlobalMemory::default(),
             bundle: BundleScratch::default(),
             stream: StreamScratch::default(),
             stats: GatherStats::default(),

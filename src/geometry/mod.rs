@@ -41,6 +41,7 @@ pub use near::Near;
 pub use placed::{Placed, Shape};
 pub use quad::Quad;
 pub use sphere::Sphere;
+pub(crate) use tree::Tree;
 
 use smallvec::SmallVec;
 

@@ -15,7 +15,7 @@ use smallvec::SmallVec;
 /// rounding to `f32` shifts a plane by less than `PADDING`, by which the boxes are grown: a traversal
 /// visits too much rather than too little.
 #[derive(Debug)]
-pub(super) struct Tree {
+pub(crate) struct Tree {
     nodes: CwBvh,
     /// All boxes, if there are few.
     few: Option<Few>,
@@ -374,7 +374,7 @@ impl Tree {
 
 /// Boxes of a node's leaves, by their places in [`Tree::order`].
 #[derive(Clone, Copy)]
-pub(super) struct Leaves {
+pub(crate) struct Leaves {
     first: u32,
     /// A bit for each of those from `first` on, at most 24.
     met: u32,
@@ -443,7 +443,7 @@ fn met(node: &CwBvhNode, ray: &obvhs::ray::Ray, octant: u32) -> u32 {
 }
 
 /// What is looked for around a point.
-pub(super) trait Search {
+pub(crate) trait Search {
     /// Nothing farther is wanted.
     fn limit(&self) -> f64;
     /// Nothing farther is wanted for being near.
@@ -479,7 +479,7 @@ impl<V: FnMut(u32) -> f64> Search for Nearest<V> {
 }
 
 /// Where a node's children are as seen from a point, in the tree's cube; anything for those that do not exist.
-pub(super) struct Children {
+pub(crate) struct Children {
     /// Squared distances of their boxes.
     pub distance2: [f32; 8],
     /// The way from the middles of their boxes to the point.

@@ -24,6 +24,10 @@ pub enum Purpose {
     Light = 7,
     /// A photon of a caustic.
     Caustic = 8,
+    /// A photon of the global map.
+    Global = 9,
+    /// A record of the irradiance cache, or the look for places that want one.
+    Irradiance = 10,
 }
 
 /// What a number of a camera sample or a light path is for: the first draw of each is spread evenly over a pixel's samples, or all

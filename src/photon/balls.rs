@@ -10,8 +10,8 @@ use super::kernel::Profile;
 use super::radius::{InMedium, Radii, radius_limits};
 use super::simd::{Isa, LANES, Lanes, Row, Task};
 use super::store::{
-    Descent, KEPT, LEAF, List, Meets, Photon, Subtrees, blocks_of, children, events_of, node_count, ordered,
-    photons_in, pieces, storable,
+    Descent, KEPT, LEAF, List, Meets, PackedNormal, Photon, Subtrees, blocks_of, children, events_of, node_count,
+    ordered, photons_in, pieces, storable,
 };
 use crate::math::{Bounds, Vec3};
 use rayon::prelude::*;
@@ -42,14 +42,16 @@ pub struct PointSettings {
     pub scale: f32,
     /// Whether photons remember their number of events.
     pub tagged: bool,
+    /// Whether photons remember the normals of surfaces.
+    pub normals: bool,
     /// Whether walls near a look-up correct it.
     pub boundaries: bool,
 }
 
 impl PointSettings {
-    /// The constant profile, untagged, corrected at walls, radii as they are.
+    /// The constant profile, untagged, without normals, corrected at walls, radii as they are.
     pub fn new(ball: Ball) -> Self {
-        PointSettings { ball, profile: Profile::Constant, scale: 1.0, tagged: false, boundaries: true }
+        PointSettings { ball, profile: Profile::Constant, scale: 1.0, tagged: false, normals: false, boundaries: true }
     }
 }
 
@@ -102,13 +104,15 @@ struct Clearance {
     distance: f32,
 }
 
-/// Photons to be looked up around points: about 38 bytes each, one more if tagged.
+/// Photons to be looked up around points: about 38 bytes each, one more if tagged, two with normals.
 #[derive(Clone, Debug)]
 pub struct PointMap {
     positions: Vec<[Row; 3]>,
     pub(crate) loads: Vec<Load>,
     /// Events of the photons, if tagged.
     pub(crate) events: Vec<[u8; LANES]>,
+    /// Normals of the surfaces they landed on, if they remember.
+    pub(crate) normals: Vec<[PackedNormal; LANES]>,
     nodes: Vec<BoxNode>,
     /// By block; none if walls do not matter.
     clearances: Vec<Clearance>,
@@ -172,11 +176,15 @@ impl PointMap {
         let blocks = count.div_ceil(LANES);
         let (mut positions, mut loads) = (Vec::with_capacity(blocks), Vec::with_capacity(blocks));
         let mut events = Vec::with_capacity(if settings.tagged { blocks } else { 0 });
+        let mut normals = Vec::with_capacity(if settings.normals { blocks } else { 0 });
         for photons in pieces(ordered(photons)) {
             positions.par_extend(photons.par_chunks(LANES).map(positions_of));
             loads.par_extend(photons.par_chunks(LANES).map(load_of));
             if settings.tagged {
                 events.par_extend(events_of(&photons));
+            }
+            if settings.normals {
+                normals.par_extend(photons.par_chunks(LANES).map(normals_of));
             }
         }
 
@@ -195,6 +203,7 @@ impl PointMap {
             positions,
             loads,
             events,
+            normals,
             nodes,
             clearances: Vec::new(),
             isa: Isa::best(),
@@ -232,6 +241,7 @@ impl PointMap {
         size_of_val(&*self.positions)
             + size_of_val(&*self.loads)
             + size_of_val(&*self.events)
+            + size_of_val(&*self.normals)
             + size_of_val(&*self.nodes)
             + size_of_val(&*self.clearances)
     }
@@ -351,9 +361,9 @@ impl PointMap {
         (InMedium::radius_of(f64::from(volume) * n as f64 / self.photons as f64) as f32).max(f32::MIN_POSITIVE)
     }
 
-    /// Where a block's photons are; lanes without one are not numbers, or infinite.
-    pub(crate) fn places(&self, block: usize) -> &[Row; 3] {
-        &self.positions[block]
+    /// Where one of a block's photons is; not a number, or infinite, if there is none.
+    pub(crate) fn place(&self, block: usize, lane: usize) -> Vec3 {
+        Vec3::from(self.positions[block].each_ref().map(|row| row.0[lane]))
     }
 
     /// Squared distances of a block's photons from `x`.
@@ -445,6 +455,14 @@ fn load_of(photons: &[Photon]) -> Load {
     load
 }
 
+fn normals_of(photons: &[Photon]) -> [PackedNormal; LANES] {
+    let mut normals = [PackedNormal::default(); LANES];
+    for (normal, photon) in normals.iter_mut().zip(photons) {
+        *normal = photon.normal;
+    }
+    normals
+}
+
 struct Input<'a> {
     positions: &'a [[Row; 3]],
     photons: usize,
@@ -517,7 +535,13 @@ mod tests {
 
     /// Photons that bear their number as power.
     fn numbered(positions: impl IntoIterator<Item = Vec3>) -> Vec<Photon> {
-        let photon = |(i, position)| Photon { position, direction: Vec3::Z, power: Vec3::splat(i as f32), events: 3 };
+        let photon = |(i, position)| Photon {
+            position,
+            direction: Vec3::Z,
+            power: Vec3::splat(i as f32),
+            events: 3,
+            normal: PackedNormal::default(),
+        };
         positions.into_iter().enumerate().map(photon).collect()
     }
 

@@ -1,5 +1,6 @@
 //! The volume photon map: photons in blocks of sixteen, in the order of a median split.
 
+use super::PackedNormal;
 use super::kernel::Profile;
 use super::radius::{InMedium, MAX_RADIUS, MIN_RADIUS, Radii, Radius, radius_limits};
 use super::simd::{Isa, LANES, Row};
@@ -203,6 +204,7 @@ impl PhotonMap {
                 direction: of(block.direction),
                 power: of(block.power) / (self.profile.disc_peak() as f32 * inverse_square),
                 events: self.events.get(index / LANES).map_or(0, |events| events[lane]),
+                normal: PackedNormal::default(),
             };
             Disc { photon, radius: inverse_square.sqrt().recip() }
         })
@@ -358,6 +360,7 @@ mod tests {
                     direction: Vec3::Z,
                     power: Vec3::ONE,
                     events: (i % 7) as u8,
+                    normal: Default::default(),
                 }
             })
             .collect()

@@ -1,14 +1,13 @@
 //! Photons in media and on surfaces: how they are traced, stored and spread.
 //!
-//! - `caustics` are photons on surfaces that came by specular events alone.
 //! - `emission` draws where they start, `pilot` finds out how, `tracer` is their journey, `pass` all of them together.
 //! - `history` is what a photon remembers of its way; by that, `sinks` stores it or does not.
+//! - `surfaces` are photons on surfaces: of caustics, and all.
 //! - `store` puts photons in order, in blocks and under a tree; `discs` is the map for beam queries, `balls` that for point
 //!   queries, with what both need of `radius`, [`kernel`], [`walls`] and `uneven` densities.
 //! - `simd` holds registers and sets of instructions.
 
 mod balls;
-mod caustics;
 pub(crate) mod discs;
 mod emission;
 mod history;
@@ -20,17 +19,18 @@ mod radius;
 pub(crate) mod simd;
 mod sinks;
 pub(crate) mod store;
+mod surfaces;
 mod tracer;
 mod uneven;
 pub mod walls;
 
 pub use balls::{Ball, PointMap, PointMemory, PointSettings};
-pub use caustics::{CausticPass, Caustics, may_be as may_have_caustics, trace_caustics};
 pub use discs::{Disc, MapSettings, PhotonMap, Plane};
 pub use emission::{Sources, Start};
 pub use history::History;
 pub use instructions::Instructions;
 pub use pass::{Traced, trace};
 pub use radius::{Filling, InMedium, Radii, Radius, narrowing};
-pub use store::Photon;
+pub use store::{PackedNormal, Photon};
+pub use surfaces::{Kind, Landed, SurfacePass, may_land, trace_surfaces};
 pub use tracer::Pass;

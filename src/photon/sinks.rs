@@ -1,7 +1,7 @@
 //! Where photons are stored: the one place that decides which, by how they came.
 
-use super::Photon;
 use super::history::{History, Since};
+use super::{PackedNormal, Photon};
 use crate::math::{DVec3, Rgb, Stream};
 use crate::medium::Medium;
 use crate::scene::Scene;
@@ -125,6 +125,7 @@ impl VolumeSink {
                 direction: at.direction.as_vec3(),
                 power: (power / keep).as_vec3(),
                 events: events.min(255) as u8,
+                normal: PackedNormal::default(),
             };
             self.photons.push((quota.scene.region(at.inside), photon));
         }

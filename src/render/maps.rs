@@ -2,15 +2,15 @@
 
 use std::time::Instant;
 
-use super::plan::{CausticSettings, Plan, Points};
+use super::plan::{Plan, Points};
 use super::progress::Progress;
 use super::stats::Stats;
-use crate::gather::{PointMaps, SurfaceMap, VolumeMaps};
+use crate::gather::{GlobalMap, PointMaps, SurfaceMap, VolumeMaps};
 use crate::medium::Medium;
 use crate::medium::density::Density;
 use crate::photon::{
-    CausticPass, Caustics, MapSettings, Photon, PhotonMap, PointMap, PointSettings, Radii, narrowing, trace_caustics,
-    walls,
+    Kind, Landed, MapSettings, Photon, PhotonMap, PointMap, PointSettings, Radii, SurfacePass, narrowing,
+    trace_surfaces, walls,
 };
 use crate::scene::Scene;
 
@@ -21,6 +21,8 @@ pub(super) struct Maps {
     pub volume: Option<VolumeMap>,
     /// Of caustics on surfaces.
     pub caustic: Option<SurfaceMap>,
+    /// Of all light on surfaces.
+    pub global: Option<GlobalMap>,
 }
 
 /// Photons in media, one map for each region: as discs for rays, or as balls for points on them.
@@ -57,7 +59,7 @@ impl Maps {
                 VolumeMap::Points(point_maps(scene, points, scale, regions))
             }
         };
-        Maps { volume: Some(volume), caustic: None }
+        Maps { volume: Some(volume), caustic: None, global: None }
     }
 
     /// Of each map that holds photons, with its region.
@@ -73,44 +75,72 @@ impl Maps {
     }
 }
 
-/// Traces the photons of a pass's caustics, and puts them into a map as narrow as after the passes before it; what that cost is
-/// added to `stats`. `None` where there are none, hardly any would land, or `stop` ended it.
-pub(super) fn caustic_map(
+impl Maps {
+    /// Adds the maps of photons on surfaces that a pass needs, as narrow as after the passes before it; what that cost is added to
+    /// `stats`. There is none where hardly any photon would land, or `stop` ended it.
+    pub(super) fn add_surfaces(
+        &mut self,
+        (scene, plan, pass): (&Scene, &Plan, u32),
+        (stats, progress): (&mut Stats, &impl Progress),
+        stop: &(impl Fn() -> bool + Sync),
+    ) {
+        let scale = narrowing(pass / plan.parts, SurfaceMap::DIMENSION) as f32;
+        let caustics = landed(scene, plan, (Kind::Caustic, pass), (stats, progress), stop);
+        let global = landed(scene, plan, (Kind::Global, pass), (stats, progress), stop);
+        let start = Instant::now();
+        let mut bytes = 0;
+        if let Some(photons) = caustics {
+            stats.caustic += photons.len() as u64;
+            let map = SurfaceMap::build(scene, photons, plan.caustics.0, plan.caustics.1, scale);
+            stats.tally.broken += map.rejected() as u64;
+            bytes += map.bytes();
+            self.caustic = Some(map);
+        }
+        if let Some(photons) = global {
+            stats.global += photons.len() as u64;
+            let map = GlobalMap::build(scene, photons, &plan.global, scale);
+            stats.tally.broken += map.rejected() as u64;
+            bytes += map.bytes();
+            self.global = Some(map);
+        }
+        stats.surface_bytes = stats.surface_bytes.max(bytes as u64);
+        stats.build_seconds += start.elapsed().as_secs_f64();
+    }
+}
+
+/// The photons of a map on surfaces.
+fn landed(
     scene: &Scene,
     plan: &Plan,
-    pass: u32,
+    (kind, pass): (Kind, u32),
     (stats, progress): (&mut Stats, &impl Progress),
     stop: &(impl Fn() -> bool + Sync),
-) -> Option<SurfaceMap> {
-    if plan.caustic_photons == 0 {
+) -> Option<Vec<Photon>> {
+    let (target, phase) = match kind {
+        Kind::Caustic => (plan.caustic_photons, "caustics"),
+        Kind::Global => (plan.global_photons, "surfaces"),
+    };
+    if target == 0 {
         return None;
     }
     let start = Instant::now();
-    progress.phase("caustics", 0);
-    let order = CausticPass {
+    progress.phase(phase, 0);
+    let order = SurfacePass {
+        kind,
         seed: plan.seed,
         index: u64::from(pass),
-        target: plan.caustic_photons,
+        target,
         max_emitted: plan.max_emitted,
         max_events: plan.max_events,
     };
-    let Caustics { photons, emitted, tally } = trace_caustics(scene, &order, &|done, _| progress.advance(done), stop);
+    let Landed { photons, emitted, tally } = trace_surfaces(scene, &order, &|done, _| progress.advance(done), stop);
     if emitted == 0 || stop() {
         return None;
     }
     stats.emitted += emitted;
-    stats.caustic += photons.len() as u64;
     stats.tally = stats.tally.merge(tally);
     stats.photons_seconds += start.elapsed().as_secs_f64();
-
-    let start = Instant::now();
-    let CausticSettings { neighbours, max_radius, filter } = plan.caustics;
-    let scale = narrowing(pass / plan.parts, SurfaceMap::DIMENSION) as f32;
-    let map = SurfaceMap::build(photons, (neighbours, max_radius), filter, scale);
-    stats.tally.broken += map.rejected() as u64;
-    stats.surface_bytes = stats.surface_bytes.max(map.bytes() as u64);
-    stats.build_seconds += start.elapsed().as_secs_f64();
-    Some(map)
+    Some(photons)
 }
 
 fn beam_maps(scene: &Scene, plan: &Plan, scale: f32, extinctions: &[f64], regions: Vec<Vec<Photon>>) -> VolumeMaps {

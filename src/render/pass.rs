@@ -10,7 +10,7 @@ use super::exact;
 use super::eye::Mode;
 use super::film::Film;
 use super::limits::Limits;
-use super::maps::{Maps, Summary, VolumeMap, caustic_map, mean_extinctions};
+use super::maps::{Maps, Summary, VolumeMap, mean_extinctions};
 use super::plan::Plan;
 use super::progress::Progress;
 use super::stats::Stats;
@@ -224,7 +224,7 @@ impl<P: Progress> Renderer<'_, P> {
         };
         let start = Instant::now();
         self.clock.samples = start;
-        self.expose(mode, maps.and_then(|maps| maps.caustic.as_ref()), pass);
+        self.expose(mode, maps, pass);
         self.stats.render_seconds += start.elapsed().as_secs_f64();
         !self.stopped()
     }
@@ -233,7 +233,7 @@ impl<P: Progress> Renderer<'_, P> {
     fn maps(&mut self, pass: u32) -> Maps {
         let mut maps = self.volume_map(pass);
         let stop = || self.stop.load(Ordering::Relaxed) || self.clock.ends_photons();
-        maps.caustic = caustic_map(self.scene, &self.plan, pass, (&mut self.stats, self.progress), &stop);
+        maps.add_surfaces((self.scene, &self.plan, pass), (&mut self.stats, self.progress), &stop);
         maps
     }
 

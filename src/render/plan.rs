@@ -2,10 +2,14 @@
 
 use crate::Result;
 use crate::gather::march::{Marcher, Stepping};
+use crate::gather::{Cells, GlobalSettings, Spacing};
 use crate::medium::Medium;
 use crate::photon::kernel::Profile;
-use crate::photon::{Ball, InMedium, PointSettings, Radius, may_have_caustics};
-use crate::scene::description::{self, Estimate, Kernel, March, Method, SingleScattering, Step, SurfaceFilter, Volume};
+use crate::photon::{Ball, InMedium, Kind, PointSettings, Radius, may_land};
+use crate::scene::description::{
+    self, Estimate, Indirect, Kernel, March, Method, Records, SingleScattering, Step, SurfaceEstimate, SurfaceFilter,
+    Volume,
+};
 use crate::scene::{Inside, Scene, Settings};
 use crate::transport::Events;
 
@@ -29,7 +33,17 @@ pub struct Plan {
     /// Photons wanted in each pass's caustic map; 0 if there is none.
     pub caustic_photons: u64,
     /// How the caustic map is looked up.
-    pub caustics: CausticSettings,
+    pub caustics: (Ball, SurfaceFilter),
+    /// Who tells what diffuse surfaces get that comes neither straight from a light nor as a caustic.
+    pub indirect: Indirect,
+    /// Photons wanted in each pass's global map; 0 if there is none.
+    pub global_photons: u64,
+    /// How the global map is looked up.
+    pub global: GlobalSettings,
+    /// How many gather rays go on from a surface.
+    pub gather_rays: u32,
+    /// What is kept of what they find, if it is.
+    pub cache: Option<CacheSettings>,
     /// The most photons that are emitted in a pass.
     pub max_emitted: u64,
     /// How wide they are spread.
@@ -53,15 +67,17 @@ pub struct Plan {
     pub inside: Option<Inside>,
 }
 
-/// How photons on surfaces are looked up.
+/// How the irradiance cache is filled.
 #[derive(Clone, Copy, Debug)]
-pub struct CausticSettings {
-    /// The number n of photons whose distance is the radius.
-    pub neighbours: u32,
-    /// No radius exceeds this.
-    pub max_radius: f32,
-    /// How photons count from the middle of their disc to its rim.
-    pub filter: SurfaceFilter,
+pub struct CacheSettings {
+    /// The cells that gather rays of a record go through.
+    pub cells: Cells,
+    /// How far records count.
+    pub spacing: Spacing,
+    /// No record counts farther than this,
+    pub max_radius: f64,
+    /// nor less far than so many pixels' widths.
+    pub min_pixels: f64,
 }
 
 /// How points on rays are looked up.
@@ -94,6 +110,16 @@ const MAX_RADIUS_SHARE: f64 = 0.1;
 const CAUSTIC_PHOTONS: u64 = 200_000;
 /// The share of the scene's extent that radii of caustics may reach at most.
 const CAUSTIC_RADIUS_SHARE: f64 = 0.03;
+/// Photons in the global map, unless the scene file says otherwise.
+const GLOBAL_PHOTONS: u64 = 200_000;
+/// Gather rays of a record of the irradiance cache, unless the scene file says otherwise.
+const CACHE_RAYS: u32 = 200;
+/// The share of the scene's extent as far as which records count at most.
+const CACHE_RADIUS_SHARE: f64 = 0.1;
+/// Records count as far as so many pixels' widths at least.
+const CACHE_PIXELS: f64 = 1.5;
+/// The share of the scene's extent that fixed radii on surfaces have, unless the scene file says otherwise.
+const FIXED_RADIUS_SHARE: f64 = 0.02;
 /// Steps across the extent of the photons, unless the scene file says otherwise.
 const STEPS: f64 = 64.0;
 /// Steps are not shorter than this share of that, however dense a medium is.
@@ -142,6 +168,16 @@ impl Plan {
             }
         };
 
+        // How photons on surfaces are looked up.
+        let diagonal = scene.bounds().diagonal();
+        let ball = |max_radius: f64| match surface.estimate {
+            SurfaceEstimate::Knn => Ball::Nearest { neighbours: surface.neighbours, max_radius: max_radius as f32 },
+            SurfaceEstimate::Fixed => Ball::Fixed(surface.radius.unwrap_or(FIXED_RADIUS_SHARE * diagonal) as f32),
+        };
+        let caustic_radius = surface.caustic_radius.unwrap_or(CAUSTIC_RADIUS_SHARE * diagonal);
+        let max_radius = surface.max_radius.unwrap_or(MAX_RADIUS_SHARE * diagonal);
+        let global_photons = global_photons(scene, settings);
+
         // All together.
         let inside = (camera.aperture() == 0.0 || scene.solids.is_empty()).then(|| scene.inside(camera.position));
         let mut plan = Plan {
@@ -154,11 +190,29 @@ impl Plan {
             },
             volume_photons: if photons > 0 { (photons / parts as u64).max(1) } else { 0 },
             caustic_photons: caustic_photons(scene, settings).div_ceil(u64::from(parts)),
-            caustics: CausticSettings {
-                neighbours: surface.neighbours,
-                max_radius: surface.caustic_radius.unwrap_or(CAUSTIC_RADIUS_SHARE * scene.bounds().diagonal()) as f32,
+            caustics: (ball(caustic_radius), surface.filter),
+            indirect: if render.method == Method::Photon { surface.indirect } else { Indirect::Path },
+            global_photons: global_photons.div_ceil(u64::from(parts)),
+            global: GlobalSettings {
+                ball: ball(max_radius),
                 filter: surface.filter,
+                // Of light with few events alone, photons have to be counted.
+                precomputed: if max_events.is_limited() { 0 } else { surface.precomputed_irradiance },
+                max_radius: max_radius as f32,
             },
+            gather_rays: surface.gather_rays.unwrap_or(1),
+            // Light with few events differs from place to place by how many the eye's side had.
+            cache: (surface.irradiance_cache && global_photons > 0 && !max_events.is_limited()).then(|| {
+                CacheSettings {
+                    cells: Cells::about(surface.gather_rays.unwrap_or(CACHE_RAYS)),
+                    spacing: match surface.records {
+                        Records::Hessian => Spacing::Hessian(surface.cache_error),
+                        Records::SplitSphere => Spacing::SplitSphere(surface.cache_error),
+                    },
+                    max_radius: CACHE_RADIUS_SHARE * diagonal,
+                    min_pixels: CACHE_PIXELS,
+                }
+            }),
             max_emitted: settings.photons.max_emitted,
             radius,
             points: None,
@@ -239,10 +293,26 @@ pub fn volume_photons(scene: &Scene, settings: &Settings) -> u64 {
 /// Photons wanted in each pass's caustic map: none where there can be no caustics.
 pub fn caustic_photons(scene: &Scene, settings: &Settings) -> u64 {
     let max_events = Events::of_max_depth(settings.render.max_depth);
-    let there = settings.render.method == Method::Photon && max_events.allows(1) && may_have_caustics(scene);
+    let there = settings.render.method == Method::Photon
+        && max_events.allows(1)
+        && may_land(scene, Kind::Caustic)
+        && settings.surface.indirect != Indirect::Map;
     // Who asks for few photons wants a quick picture.
     let default = settings.photons.volume.map_or(CAUSTIC_PHOTONS, |volume| volume.min(CAUSTIC_PHOTONS));
     if there { settings.photons.caustic.unwrap_or(default) } else { 0 }
+}
+
+/// Photons wanted in each pass's global map: none where no one looks it up.
+pub fn global_photons(scene: &Scene, settings: &Settings) -> u64 {
+    let max_events = Events::of_max_depth(settings.render.max_depth);
+    // Events at surfaces on the eye's side.
+    let read_after = match settings.surface.indirect {
+        Indirect::Map => Some(0),
+        Indirect::FinalGather => Some(1),
+        Indirect::Path | Indirect::None => None,
+    };
+    let read = settings.render.method == Method::Photon && read_after.is_some_and(|events| max_events.allows(events));
+    if read && may_land(scene, Kind::Global) { settings.photons.global.unwrap_or(GLOBAL_PHOTONS) } else { 0 }
 }
 
 /// Whether all media that scatter are in solids that hardly any light passes straight.

@@ -6,7 +6,7 @@ use std::time::Instant;
 use super::camera::Camera;
 use super::film::Film;
 use super::limits::Limits;
-use super::maps::{Maps, VolumeMap, caustic_map, mean_extinctions};
+use super::maps::{Maps, VolumeMap, mean_extinctions};
 use super::pass::{self, Rendering, order};
 use super::plan::Plan;
 use super::progress::{Progress, Silent};
@@ -93,7 +93,7 @@ impl SharedMap {
             ..Stats::default()
         };
         stats.built(&maps.summaries());
-        maps.caustic = caustic_map(scene, &plan, 0, (&mut stats, &Silent), &|| false);
+        maps.add_surfaces((scene, &plan, 0), (&mut stats, &Silent), &|| false);
         Ok(SharedMap { maps, stats })
     }
 

@@ -23,9 +23,13 @@ pub struct Stats {
     pub volume: u64,
     /// Photons of caustics stored.
     pub caustic: u64,
+    /// Photons stored in global maps.
+    pub global: u64,
+    /// Records of irradiance caches.
+    pub records: u64,
     /// The largest map, in bytes.
     pub map_bytes: u64,
-    /// The largest map of photons on surfaces, in bytes.
+    /// The largest maps of photons on surfaces, in bytes.
     pub surface_bytes: u64,
     /// The discs' radii, of the last pass.
     #[serde(skip)]
@@ -51,6 +55,8 @@ impl Stats {
         self.emitted += other.emitted;
         self.volume += other.volume;
         self.caustic += other.caustic;
+        self.global += other.global;
+        self.records += other.records;
         self.map_bytes = self.map_bytes.max(other.map_bytes);
         self.surface_bytes = self.surface_bytes.max(other.surface_bytes);
         self.gather += other.gather;

@@ -3,19 +3,24 @@
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
 
 use super::camera::Camera;
 use super::clock::Clock;
-use super::eye::{Claim, Context, Eye, EyeSettings, Mode, Path};
+
+use super::eye::{Claim, Context, Eye, EyeSettings, Indirect, Mode, Path};
 use super::film::Sums;
+use super::irradiance::{Filled, Filler};
 use super::light_tracer::{LightTracer, Origin, Sent};
+use super::maps::Maps;
 use super::pass::Renderer;
 use super::plan::Plan;
 use super::progress::Progress;
-use crate::gather::{GatherStats, Queue, SurfaceMap};
+use crate::gather::{GatherStats, GlobalMap, IrradianceCache, Queue, SurfaceMap};
 use crate::math::Stream;
+use crate::photon::narrowing;
 use crate::scene::Scene;
-use crate::scene::description::Method;
+use crate::scene::description::{self, Method};
 use crate::transport::{Events, Parts, Tally};
 
 /// Pixels along the edge of a tile, the work of one task.
@@ -57,7 +62,7 @@ struct Round<'r, 's> {
 
 impl<P: Progress> Renderer<'_, P> {
     /// Samples all pixels, in rounds, the first of them short, so that an interrupted image is whole.
-    pub(super) fn expose(&mut self, mode: Mode<'_>, caustics: Option<&SurfaceMap>, pass: u32) {
+    pub(super) fn expose(&mut self, mode: Mode<'_>, maps: Option<&Maps>, pass: u32) {
         let (width, height) = self.camera.size();
         let tiles = width.div_ceil(TILE) * height.div_ceil(TILE);
         // Of light that is sent, camera rays see only what comes straight from an emitter.
@@ -71,10 +76,13 @@ impl<P: Progress> Renderer<'_, P> {
             max_events: if sends { Events::at_most(0) } else { self.plan.max_events },
             single_scattering: self.plan.single_scattering,
             marchers: traced.as_deref(),
-            caustics,
+            caustics: maps.and_then(|maps| maps.caustic.as_ref()),
+            indirect: indirect(&self.plan, maps.and_then(|maps| maps.global.as_ref())),
             spread: self.camera.pixel() * footprint(self.plan.samples),
         };
-        let eye = Eye::new(self.scene, settings);
+        let mut eye = Eye::new(self.scene, settings);
+        let cache = self.fill_cache(&eye, pass);
+        eye.keep(cache.as_ref());
         let mut from = 0;
         while from < self.plan.samples && !self.stopped() {
             let most = if pass == 0 { self.progress.round(from).clamp(1, ROUND) } else { ROUND };
@@ -129,6 +137,38 @@ impl<P: Progress> Renderer<'_, P> {
             rayon::scope(|scope| (0..rayon::current_num_threads()).for_each(|_| scope.spawn(|_| work())));
             from = to;
             self.end_round();
+        }
+    }
+}
+
+impl<P: Progress> Renderer<'_, P> {
+    /// Fills the pass's irradiance cache, if it has one.
+    fn fill_cache(&mut self, eye: &Eye<'_>, pass: u32) -> Option<IrradianceCache> {
+        let settings = self.plan.cache.filter(|_| eye.gathers())?;
+        let start = Instant::now();
+        self.progress.phase("irradiance", 0);
+        let scale = narrowing(pass / self.plan.parts, SurfaceMap::DIMENSION);
+        let (scene, camera, plan) = (self.scene, &self.camera, &self.plan);
+        let filler = Filler { scene, camera, plan, settings, eye, pass, scale };
+        let Filled { cache, gathered, tally } = filler.fill(&|| self.stopped());
+        self.stats.records += cache.len() as u64;
+        self.stats.gather += gathered;
+        self.stats.tally = self.stats.tally.merge(tally);
+        self.stats.build_seconds += start.elapsed().as_secs_f64();
+        Some(cache)
+    }
+}
+
+/// Who tells indirect light: where it was to be a map that there is not, as hardly any light lands, paths do.
+fn indirect<'s>(plan: &Plan, global: Option<&'s GlobalMap>) -> Indirect<'s> {
+    match (plan.indirect, global) {
+        (description::Indirect::None, _) => Indirect::Nobody,
+        (description::Indirect::Map, Some(global)) => Indirect::Map(global),
+        (description::Indirect::FinalGather, Some(global)) => {
+            Indirect::Gather { global, rays: plan.gather_rays, cache: None }
+        }
+        (description::Indirect::Path | description::Indirect::Map | description::Indirect::FinalGather, _) => {
+            Indirect::Path
         }
     }
 }

@@ -12,8 +12,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::description::{
-    Camera, Description, Document, Estimate, Film, Filter, Kernel, March, Method, Photons, Profile, Render,
-    SingleScattering, Step, Surface, SurfaceFilter, ToneMap, Unit, Volume, World,
+    Camera, Description, Document, Estimate, Film, Filter, Indirect, Kernel, March, Method, Photons, Profile, Records,
+    Render, SingleScattering, Step, Surface, SurfaceEstimate, SurfaceFilter, ToneMap, Unit, Volume, World,
 };
 use super::table::{Item, Problems, Read, Table, unit};
 use super::text::text_of;
@@ -264,16 +264,11 @@ fn render(table: &Table) -> Read<Render> {
 
 fn photons(table: &Table) -> Read<Photons> {
     let volume = table.get("volume", |item| item.u64(1));
-    // Without a global map, none is what there is.
-    let global = table.get("global", |item| match item.u64(0)? {
-        0 => Ok(()),
-        _ => Err(item.unsupported("the global photon map is")),
-    });
+    let global = table.get("global", |item| item.u64(1));
     let caustic = table.get("caustic", |item| item.u64(0));
     let max_emitted = table.get_or("max_emitted", 50_000_000, |item| item.u64(1));
     table.finish()?;
-    global?;
-    Ok(Photons { volume: volume?, caustic: caustic?, max_emitted: max_emitted? })
+    Ok(Photons { volume: volume?, global: global?, caustic: caustic?, max_emitted: max_emitted? })
 }
 
 fn volume(table: &Table) -> Read<Volume> {
@@ -320,21 +315,45 @@ fn march(table: &Table) -> Read<March> {
     Ok(March { step: step?, size: size?, contrast: contrast? })
 }
 
-/// The global map and what reads it are still to come; what merely says so is accepted.
 fn surface(table: &Table) -> Read<Surface> {
     let neighbours = table.get_or("neighbours", 80, |item| item.u32(2));
     let filters = [("none", SurfaceFilter::None), ("cone", SurfaceFilter::Cone), ("gaussian", SurfaceFilter::Gaussian)];
     let filter = table.get_or("filter", SurfaceFilter::Cone, |item| item.choice(&filters, &[]));
     let caustic_radius = table.get("caustic_radius", Item::length);
-    let indirect = table.get("indirect", |item| item.choice(&[("path", ())], &["final_gather", "map", "none"]));
-    let estimate = table.get("estimate", |item| item.choice(&[("knn", ())], &["sheets", "fixed"]));
-    let gather_rays = table.later("gather_rays");
-    let cache = table.get("irradiance_cache", |item| match item.boolean()? {
-        false => Ok(()),
-        true => Err(item.unsupported("the irradiance cache is")),
-    });
+    let max_radius = table.get("max_radius", Item::length);
+    let ways = [
+        ("final_gather", Indirect::FinalGather),
+        ("map", Indirect::Map),
+        ("path", Indirect::Path),
+        ("none", Indirect::None),
+    ];
+    let indirect = table.get_or("indirect", Indirect::Path, |item| item.choice(&ways, &[]));
+    let estimates = [("knn", SurfaceEstimate::Knn), ("fixed", SurfaceEstimate::Fixed)];
+    let estimate = table.get_or("estimate", SurfaceEstimate::Knn, |item| item.choice(&estimates, &["sheets"]));
+    let radius = table.get("radius", Item::length);
+    let gather_rays = table.get("gather_rays", |item| item.u32(1));
+    let precomputed = table.get_or("precomputed_irradiance", 4, |item| item.u32(0));
+    let cache = table.get_or("irradiance_cache", true, Item::boolean);
+    let spacings = [("hessian", Records::Hessian), ("split_sphere", Records::SplitSphere)];
+    let records = table.get_or("records", Records::Hessian, |item| item.choice(&spacings, &[]));
+    let cache_error = table.get("cache_error", Item::positive);
     table.finish()?;
-    indirect.and(estimate)?;
-    gather_rays.and(cache)?;
-    Ok(Surface { neighbours: neighbours?, filter: filter?, caustic_radius: caustic_radius? })
+    let records = records?;
+    Ok(Surface {
+        indirect: indirect?,
+        estimate: estimate?,
+        radius: radius?,
+        neighbours: neighbours?,
+        filter: filter?,
+        max_radius: max_radius?,
+        caustic_radius: caustic_radius?,
+        gather_rays: gather_rays?,
+        precomputed_irradiance: precomputed?,
+        irradiance_cache: cache?,
+        records,
+        cache_error: cache_error?.unwrap_or(match records {
+            Records::Hessian => 0.05,
+            Records::SplitSphere => 0.3,
+        }),
+    })
 }

@@ -426,11 +426,6 @@ impl<'a> Table<'a> {
         self.item.problems.note(self.place_of(key), message)
     }
 
-    /// Refuses a known key whose feature is still to come.
-    pub(super) fn later(&self, key: &'static str) -> Read<()> {
-        self.get(key, |item| Err(item.unsupported(format!("`{key}` is")))).map(|_: Option<()>| ())
-    }
-
     /// Refuses the keys nobody asked for.
     pub(super) fn finish(&self) -> Read<()> {
         let known = self.known.borrow();

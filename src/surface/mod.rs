@@ -285,6 +285,14 @@ impl Bsdf {
         }
     }
 
+    /// The reflectance of a surface that sends light equally in all directions.
+    pub fn lambertian(&self) -> Option<Rgb> {
+        match self {
+            Bsdf::Reflector(Reflector::Lambert(lambert)) => Some(lambert.reflectance),
+            _ => None,
+        }
+    }
+
     /// Whether it is a sheet: what passes goes on in the direction it had.
     pub fn is_sheet(&self) -> bool {
         matches!(self, Bsdf::Thin(_))

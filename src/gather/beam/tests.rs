@@ -46,6 +46,7 @@ fn photons(count: usize, stream: &mut Stream) -> Vec<Photon> {
                 direction: direction.as_vec3(),
                 power: Vec3::from_array([0; 3].map(|_| stream.uniform() as f32)),
                 events: (stream.uniform() * 4.0) as u8,
+                normal: Default::default(),
             }
         })
         .collect()
@@ -264,7 +265,7 @@ fn leaning_discs_keep_depths_apart() {
             let x = |stream: &mut Stream| (2.0 * stream.uniform() - 1.0) * HALF;
             let position = DVec3::new(x(&mut stream), x(&mut stream), -DEPTH * stream.uniform());
             let power = Vec3::new(1.0, 1.0 - position.z as f32, 1.0) * (volume / N as f64) as f32;
-            Photon { position: position.as_vec3(), direction: Vec3::X, power, events: 0 }
+            Photon { position: position.as_vec3(), direction: Vec3::X, power, events: 0, normal: Default::default() }
         })
         .collect();
     let phase = PhaseLanes::new(Isotropic);
@@ -308,7 +309,13 @@ fn leaning_discs_keep_depths_apart() {
 
 #[test]
 fn photons_at_one_place_give_a_finite_sum() {
-    let one = Photon { position: Vec3::new(0.3, -4.0, 2.0), direction: Vec3::X, power: Vec3::ONE, events: 0 };
+    let one = Photon {
+        position: Vec3::new(0.3, -4.0, 2.0),
+        direction: Vec3::X,
+        power: Vec3::ONE,
+        events: 0,
+        normal: Default::default(),
+    };
     let phase = PhaseLanes::new(Isotropic);
     for radius in [Radius::Fixed(0.5), Radius::Variable { neighbours: 500, pilot: 23, max_radius: 0.5 }] {
         let map = PhotonMap::build(vec![one; 40_000], &MapSettings::new(radius), &no_walls);
@@ -365,6 +372,7 @@ fn an_even_density_gives_the_closed_form() {
             direction: Vec3::Y,
             power: Vec3::splat(1e-3),
             events: 0,
+            normal: Default::default(),
         };
         let map = PhotonMap::build((0..COUNT).map(photon).collect(), &MapSettings::new(radius), &room);
         let plain = MapSettings { boundaries: false, ..MapSettings::new(radius) };

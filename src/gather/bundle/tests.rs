@@ -28,6 +28,7 @@ fn photons(count: usize) -> Vec<Photon> {
             direction: sampling::sphere(stream.uniform2()).as_vec3(),
             power: Vec3::new(stream.uniform() as f32, stream.uniform() as f32, 0.5),
             events: (4.0 * stream.uniform()) as u8,
+            normal: Default::default(),
         })
         .collect()
 }

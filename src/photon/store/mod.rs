@@ -11,5 +11,5 @@ pub(crate) use blocks::{Block, Blocks, photons_in};
 pub(crate) use descent::{Descent, Meets, Subtrees, blocks_of};
 pub(crate) use nearest::{KEPT, List, nearest};
 pub(crate) use order::{events_of, ordered, pieces, storable};
-pub use photon::Photon;
+pub use photon::{PackedNormal, Photon};
 pub(crate) use tree::{LEAF, Node, Widths, build, children, node_count};

@@ -3,7 +3,8 @@
 use std::ops::ControlFlow;
 
 use super::component::Component;
-use super::{Looking, Path, Spread};
+use super::{Context, Looking, Path, Seeks, Spread};
+use crate::gather::{GlobalMap, IrradianceCache};
 use crate::light::{Arrival, Light, Receiver};
 use crate::math::random::Dimension;
 use crate::math::{DVec3, Ray, Rgb};
@@ -145,14 +146,33 @@ impl Looking<'_, '_, '_> {
     pub(super) fn read_caustics(&mut self, at: &Interaction, luggage: &Luggage<Path>) {
         let Some(map) = self.eye.settings.caustics else { return };
         let most = self.eye.left_after(luggage.events);
-        let radiance = map.reflected(at, most, self.context.stream, &mut self.context.queue.around);
+        let Context { stream, queue, .. } = &mut *self.context;
+        let radiance = map.reflected(self.eye.scene, at, most, stream, &mut queue.around);
         let component = Component::of(luggage.own.first, luggage.events + 1, true, luggage.events == 1);
         self.sample.radiance[component as usize] += luggage.weight * radiance;
     }
 
+    /// All light that a surface spreads, from photons: seen by the camera or through mirrors, or `rough`, by other surfaces.
+    pub(super) fn read_global(&mut self, map: &GlobalMap, at: &Interaction, luggage: &Luggage<Path>, rough: bool) {
+        let most = self.eye.left_after(luggage.events);
+        let Context { stream, queue, .. } = &mut *self.context;
+        let radiance = map.reflected(self.eye.scene, at, (most, rough), stream, &mut queue.global);
+        let component = Component::of(luggage.own.first, luggage.events + 1, false, false);
+        self.sample.radiance[component as usize] += luggage.weight * radiance;
+    }
+
+    /// Indirect light that a Lambertian surface reflects, from the irradiance cache. Returns whether that tells it.
+    pub(super) fn read_cache(&mut self, cache: &IrradianceCache, at: &Interaction, luggage: &Luggage<Path>) -> bool {
+        let Some(reflectance) = at.bsdf.lambertian() else { return false };
+        let Some(irradiance) = cache.irradiance(at.point, at.incidence.shading_normal) else { return false };
+        let component = Component::of(luggage.own.first, luggage.events + 1, false, false);
+        self.sample.radiance[component as usize] += luggage.weight * reflectance * irradiance / std::f64::consts::PI;
+        true
+    }
+
     /// Whether photons bring the light of a light that a path meets.
     fn is_brought(&self, luggage: &Luggage<Path>) -> bool {
-        self.eye.settings.caustics.is_some() && luggage.own.meets_caustic()
+        luggage.own.seeks == Seeks::Scattered || self.eye.settings.caustics.is_some() && luggage.own.meets_caustic()
     }
 
     /// Light that a path meets by chance on a shape that shines.

@@ -4,7 +4,7 @@
 use std::ops::ControlFlow;
 
 use super::component::{Component, First};
-use super::{Claim, Context, Looking, Mode, Path};
+use super::{Claim, Context, Looking, Mode, Path, Seeks};
 use crate::gather::{self, EyeSegment, PointMaps, VolumeMaps};
 use crate::math::Ray;
 use crate::math::random::Dimension;
@@ -139,6 +139,7 @@ impl<'s> Looking<'_, '_, 's> {
         let rival = luggage.own.turn.rival(&self.eye.glows, segment.medium, self.embers(luggage.events));
         let stream = &mut *self.context.stream;
         let radiance = match (&medium.emission, &rival) {
+            _ if luggage.own.seeks == Seeks::Scattered => return,
             (Emission::None, _) => return,
             (Emission::Uniform(radiance), Some(rival)) => {
                 // The share has no closed integral: one point, drawn as a collision.
@@ -188,6 +189,7 @@ impl<'s> Looking<'_, '_, 's> {
         self.glow(segment, medium, luggage);
         let settings = &self.eye.settings;
         let asks = settings.single_scattering.asks_lights() && settings.max_events.allows(luggage.events);
+        let asks = asks && luggage.own.seeks != Seeks::Emitted;
         if asks && medium.scatters() {
             let marcher = settings.marchers.map(|marchers| marchers[segment.medium as usize]);
             match marcher.zip(medium.density.support().clip(segment.ray, segment.a, segment.b)) {
@@ -212,7 +214,7 @@ impl<'s> Looking<'_, '_, 's> {
             max_events: left.map_or(0, Events::in_a_byte),
             from_camera: luggage.events == 0,
         };
-        (reach, left.is_some())
+        (reach, left.is_some() && luggage.own.seeks != Seeks::Emitted)
     }
 }
 

@@ -18,7 +18,7 @@ pub use claim::Claim;
 pub use component::{Component, Sample};
 
 use crate::gather::march::Marcher;
-use crate::gather::{PointMaps, Queue, SurfaceMap, VolumeMaps};
+use crate::gather::{GlobalMap, IrradianceCache, PointMaps, Queue, SurfaceMap, VolumeMaps};
 use crate::light::Light;
 use crate::math::{DVec3, Ray, Rgb, Stream};
 use crate::scene::description::SingleScattering;
@@ -59,8 +59,30 @@ pub struct EyeSettings<'s> {
     pub marchers: Option<&'s [Marcher]>,
     /// Photons of caustics, which surfaces that spread light look up; `None`: paths find caustics by chance.
     pub caustics: Option<&'s SurfaceMap>,
+    /// Who tells what else diffuse surfaces send to one another.
+    pub indirect: Indirect<'s>,
     /// How wide what textures are taken over is at distance 1 from the camera.
     pub spread: f64,
+}
+
+/// Who tells what light diffuse surfaces get that comes neither straight from a light nor as a caustic.
+#[derive(Clone, Copy)]
+pub enum Indirect<'s> {
+    /// The path that goes on.
+    Path,
+    /// Nobody: it is left out.
+    Nobody,
+    /// The global map, of that light and of all other together.
+    Map(&'s GlobalMap),
+    /// Paths that go on to the next diffuse surface (gather rays), where the global map tells the rest.
+    Gather {
+        /// The map.
+        global: &'s GlobalMap,
+        /// How many rays go on from a surface.
+        rays: u32,
+        /// What such rays have found elsewhere, if that is kept: where it tells enough, none is sent.
+        cache: Option<&'s IrradianceCache>,
+    },
 }
 
 /// Computes radiance along rays.
@@ -70,6 +92,8 @@ pub struct Eye<'s> {
     glows: Glows<'s>,
     /// Whether rays can meet any light by chance.
     lights_have_size: bool,
+    /// Whether rays can meet anything that shines, light or medium.
+    meets_emission: bool,
 }
 
 /// What an eye path remembers.
@@ -82,6 +106,8 @@ pub struct Path {
     spread: Spread,
     /// and whether it has been mirrored or refracted since, and no more than that.
     bent: bool,
+    /// What it has yet to find.
+    seeks: Seeks,
     /// Whether it splits in media.
     splits: bool,
     /// Where it turned last.
@@ -96,7 +122,21 @@ impl Path {
     /// This path with a collision behind it.
     fn scattered(&self) -> Path {
         let first = self.first.or(Some(First::Medium));
-        Path { first, spread: Spread::Other, bent: false, turn: Turn::Specular, drawn: None, landing: None, ..*self }
+        Path {
+            first,
+            spread: Spread::Other,
+            bent: false,
+            seeks: Seeks::All,
+            turn: Turn::Specular,
+            drawn: None,
+            landing: None,
+            ..*self
+        }
+    }
+
+    /// Whether it came straight to a place within `blur` from where it turned.
+    fn is_close(&self, at: &Interaction, blur: f64) -> bool {
+        matches!(&self.turn, Turn::Surface { receiver, .. } if receiver.point.distance_squared(at.point) < blur * blur)
     }
 
     /// Whether the light of a light that it meets is of a caustic: on the surface that it was spread by last.
@@ -114,6 +154,17 @@ enum Spread {
     First,
     /// By another diffuse surface.
     Diffuse,
+}
+
+/// What light a path has yet to find since it was spread last.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Seeks {
+    /// All.
+    All,
+    /// What is emitted: it ends where it would be spread again.
+    Emitted,
+    /// What is scattered.
+    Scattered,
 }
 
 /// What a sample needs beside the scene.
@@ -134,7 +185,20 @@ impl<'s> Eye<'s> {
     /// An eye in a scene.
     pub fn new(scene: &'s Scene, settings: EyeSettings<'s>) -> Self {
         let lights_have_size = scene.lights.iter().any(Light::has_size);
-        Eye { scene, settings, glows: Glows::new(scene), lights_have_size }
+        let meets_emission = lights_have_size || !scene.glows.is_empty();
+        Eye { scene, settings, glows: Glows::new(scene), lights_have_size, meets_emission }
+    }
+
+    /// Whether it sends gather rays.
+    pub fn gathers(&self) -> bool {
+        matches!(self.settings.indirect, Indirect::Gather { .. })
+    }
+
+    /// Looks into a cache before it sends gather rays, from now on.
+    pub fn keep(&mut self, kept: Option<&'s IrradianceCache>) {
+        if let Indirect::Gather { cache, .. } = &mut self.settings.indirect {
+            *cache = kept;
+        }
     }
 
     /// How it deals with media.
@@ -151,6 +215,7 @@ impl<'s> Eye<'s> {
             diffuse: false,
             spread: Spread::Other,
             bent: false,
+            seeks: Seeks::All,
             splits,
             turn: Turn::Specular,
             drawn: None,
@@ -163,6 +228,41 @@ impl<'s> Eye<'s> {
         *context.parts = parts;
         claim::check(&mut sample.radiance, context.tally);
         sample
+    }
+
+    /// What a gather ray finds of scattered light, along `direction` from a surface to which `walk` has come, and how far away the
+    /// surface is that it meets first. No emitter counts: it is asked for.
+    pub fn gather(
+        &self,
+        at: &Interaction,
+        walk: &Walk<'s>,
+        direction: DVec3,
+        context: &mut Context<'_, 's>,
+    ) -> (Rgb, f64) {
+        let mut sample = Sample::default();
+        let vertex = Vertex::Surface(at);
+        let density = at.incidence.shading_normal.dot(direction).max(0.0) / std::f64::consts::PI;
+        let own = Path {
+            first: Some(First::Diffuse),
+            diffuse: true,
+            spread: Spread::First,
+            bent: false,
+            seeks: Seeks::Scattered,
+            splits: false,
+            turn: Turn::Surface { receiver: vertex.receiver(), density, glows: true },
+            drawn: None,
+            landing: None,
+        };
+        let mut luggage = Luggage::new(Rgb::ONE, own);
+        luggage.events = 1;
+        let mut walk = walk.clone();
+        walk.leave(at, direction);
+        let mut parts = std::mem::take(context.parts);
+        let part = Part { walk, luggage, collision: None };
+        travel(&mut Looking { eye: self, sample: &mut sample, context }, part, &mut parts);
+        *context.parts = parts;
+        claim::check(&mut sample.radiance, context.tally);
+        (sample.radiance.iter().sum(), sample.depth)
     }
 
     /// Whether light in media comes from photons.
@@ -251,7 +351,7 @@ impl<'s> Looking<'_, '_, 's> {
         let albedo = vertex.albedo();
 
         // What denoisers and compositors ask for, of the first surface.
-        if luggage.own.first.is_none() && self.sample.depth.is_infinite() {
+        if self.sample.depth.is_infinite() {
             self.sample.depth = at.t;
             self.sample.normal = at.incidence.shading_normal;
             self.sample.albedo = albedo;
@@ -264,9 +364,26 @@ impl<'s> Looking<'_, '_, 's> {
         luggage.events += 1;
         let diffuse = nature == Nature::Diffuse;
         luggage.own.first.get_or_insert(if diffuse { First::Diffuse } else { First::Specular });
+        let gathers = diffuse && luggage.own.diffuse;
         luggage.own.diffuse |= diffuse;
         if albedo.max_element() <= 0.0 {
             return None;
+        }
+
+        // Where all is known of the light that it spreads, on by specular events alone.
+        if nature != Nature::Specular && luggage.own.seeks == Seeks::Emitted {
+            return self.send_bent(at, luggage);
+        }
+        match self.eye.settings.indirect {
+            Indirect::Map(global) if diffuse => {
+                self.read_global(global, at, luggage, false);
+                return self.send_bent(at, luggage);
+            }
+            Indirect::Gather { global, .. } if gathers && !luggage.own.is_close(at, global.blur()) => {
+                self.read_global(global, at, luggage, true);
+                return self.send_bent(at, luggage);
+            }
+            _ => {}
         }
 
         // Light asked for.
@@ -276,6 +393,18 @@ impl<'s> Looking<'_, '_, 's> {
         }
         if diffuse {
             self.read_caustics(at, luggage);
+            match self.eye.settings.indirect {
+                Indirect::Nobody => return self.send_for_emission(at, luggage),
+                Indirect::Gather { rays, cache, .. } => {
+                    if cache.is_some_and(|cache| self.read_cache(cache, at, luggage)) {
+                        return self.send_for_emission(at, luggage);
+                    }
+                    if !gathers && rays > 1 {
+                        self.send_more(at, walk, luggage, parts, rays);
+                    }
+                }
+                Indirect::Path | Indirect::Map(_) => {}
+            }
         }
 
         // On, both ways where that matters: the lesser part waits.
@@ -302,6 +431,7 @@ impl<'s> Looking<'_, '_, 's> {
             let diffuse = vertex.nature() == Nature::Diffuse;
             luggage.own.turn = Turn::Surface { receiver: vertex.receiver(), density: onward.density, glows: diffuse };
             luggage.own.bent = false;
+            luggage.own.seeks = Seeks::All;
             luggage.own.spread = match (diffuse, luggage.events) {
                 (false, _) => Spread::Other,
                 (true, 1) => Spread::First,
@@ -313,6 +443,49 @@ impl<'s> Looking<'_, '_, 's> {
         }
         let goes_on = self.outlives(&mut luggage.weight, luggage.own.diffuse, at.around(onward.direction));
         goes_on.then_some(Heading { direction: onward.direction, clearance: None })
+    }
+
+    /// Goes on by a specular event, or ends.
+    fn send_bent(&mut self, at: &Interaction, luggage: &mut Luggage<Path>) -> Option<Heading> {
+        if !at.bsdf.is_partly_specular() {
+            return None;
+        }
+        let seeks = luggage.own.seeks;
+        let heading = self.send(at, luggage, None);
+        luggage.own.seeks = seeks;
+        heading.filter(|_| matches!(luggage.own.turn, Turn::Specular))
+    }
+
+    /// Goes on to what is emitted, with its part of what was asked for; by a specular event to all there is.
+    fn send_for_emission(&mut self, at: &Interaction, luggage: &mut Luggage<Path>) -> Option<Heading> {
+        if !self.eye.meets_emission {
+            return self.send_bent(at, luggage);
+        }
+        let heading = self.send(at, luggage, None);
+        if matches!(luggage.own.turn, Turn::Surface { .. }) {
+            luggage.own.seeks = Seeks::Emitted;
+        }
+        heading
+    }
+
+    /// Sends all but the last of so many gather rays, and leaves its part of the weight to that.
+    fn send_more(
+        &mut self,
+        at: &Interaction,
+        walk: &Walk<'s>,
+        luggage: &mut Luggage<Path>,
+        parts: &mut Parts<'s, Path>,
+        rays: u32,
+    ) {
+        luggage.weight /= f64::from(rays);
+        for _ in 1..rays {
+            let mut part = luggage.part(luggage.weight, luggage.own.clone());
+            if let Some(Heading { direction, .. }) = self.send(at, &mut part, None) {
+                let mut walk = walk.clone();
+                walk.leave(at, direction);
+                parts.push(Part { walk, luggage: part, collision: None });
+            }
+        }
     }
 
     /// Scatters at a collision in a medium.
@@ -334,7 +507,7 @@ impl<'s> Looking<'_, '_, 's> {
         let keep = |_: &mut Rgb, _: Rgb, _: &mut Stream| true;
         let onward = vertex.onward(Side::Eye, None, &mut luggage.weight, self.context.stream, keep)?;
         luggage.own.turn = Turn::Medium { point: at.point, density: onward.density, landing };
-        (luggage.own.spread, luggage.own.bent) = (Spread::Other, false);
+        (luggage.own.spread, luggage.own.bent, luggage.own.seeks) = (Spread::Other, false, Seeks::All);
         Some(Heading { direction: onward.direction, clearance: None })
     }
 }
@@ -409,6 +582,7 @@ radiance = 1
                 single_scattering: SingleScattering::Photons,
                 marchers: None,
                 caustics: None,
+                indirect: Indirect::Path,
                 spread: 0.0,
             };
             let eye = Eye::new(&scene, settings);

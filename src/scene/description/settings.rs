@@ -89,6 +89,8 @@ pub struct Photons {
     /// About how many photons the caustic map should hold; 0: there is none, and caustics are left to chance. `None`: chosen from
     /// the scene.
     pub caustic: Option<u64>,
+    /// About how many photons the global map should hold, at least 1; `None`: chosen from the scene.
+    pub global: Option<u64>,
     /// The most photons that are emitted in a pass, at least 1.
     pub max_emitted: u64,
 }
@@ -204,12 +206,65 @@ pub enum Kernel {
 /// `[surface]`: how light on surfaces is gathered.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Surface {
+    /// Who tells what diffuse surfaces get that comes neither straight from a light nor as a caustic.
+    pub indirect: Indirect,
+    /// How far a look-up reaches.
+    pub estimate: SurfaceEstimate,
+    /// The radius of [`SurfaceEstimate::Fixed`], above 0; `None`: chosen from the scene.
+    pub radius: Option<f64>,
+    /// The cap of the global map's radii, above 0; `None`: chosen from the scene.
+    pub max_radius: Option<f64>,
+    /// Rays that gather indirect light where it is gathered, at least 1; `None`: one a sample.
+    pub gather_rays: Option<u32>,
+    /// The irradiance is computed beforehand at one of so many photons of the global map; 0: at none.
+    pub precomputed_irradiance: u32,
+    /// Whether gathered light is kept at few places, and interpolated between them.
+    pub irradiance_cache: bool,
+    /// How these are spaced.
+    pub records: Records,
+    /// How far: of [`Records::Hessian`] the share by which interpolated light may be off, of [`Records::SplitSphere`] the share of the
+    /// mean distance around; above 0.
+    pub cache_error: f64,
     /// The number n of photons whose distance is the radius, at least 2.
     pub neighbours: u32,
     /// How photons count from the middle of their disc to its rim.
     pub filter: SurfaceFilter,
     /// The cap of the caustic map's radii, above 0; `None`: chosen from the scene.
     pub caustic_radius: Option<f64>,
+}
+
+/// Who tells what diffuse surfaces get that comes neither straight from a light nor as a caustic.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Indirect {
+    /// Rays to the next diffuse surfaces, where the global map tells what they reflect.
+    FinalGather,
+    /// The global map, of that light and of all other together.
+    Map,
+    /// Paths, from surface to surface.
+    Path,
+    /// Nobody: that light is left out.
+    None,
+}
+
+/// How far apart the records of the irradiance cache are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Records {
+    /// As second derivatives of the irradiance allow.
+    Hessian,
+    /// As the distances of surfaces around allow.
+    SplitSphere,
+}
+
+/// How far a look-up among photons on surfaces reaches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SurfaceEstimate {
+    /// To the n-th nearest photon.
+    Knn,
+    /// To the same radius everywhere.
+    Fixed,
 }
 
 /// How photons on surfaces count from the middle of their disc to its rim.

@@ -1,16 +1,17 @@
-//! Photons of caustics: from a light by specular events, one at least, to the first surface that spreads them.
+//! Photons on surfaces that spread light: those of caustics, from a light by specular events, one at least, to the first such
+//! surface; and the global ones, wherever they land and whatever they met.
 //!
-//! They are traced apart from those in media: most light never meets a lens, and photons that are aimed at what bends light are few
-//! and all alike, whatever the other maps need.
+//! Each map's are traced apart, and apart from those in media: most light never meets a lens, and photons that are aimed at what
+//! bends light are few and all alike, whatever the other maps need.
 
 use std::ops::ControlFlow;
 
 use rayon::prelude::*;
 
-use super::Photon;
 use super::emission::{Sources, Start};
 use super::history::History;
 use super::tracer::in_chunks;
+use super::{PackedNormal, Photon};
 use crate::math::random::Purpose;
 use crate::math::{Ray, Stream};
 use crate::scene::Scene;
@@ -20,9 +21,20 @@ use crate::transport::{
     travel,
 };
 
-/// What the caustic map is asked for.
+/// Which photons on surfaces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// L S⁺ D: mirrored or refracted, and not scattered, since they left a light.
+    Caustic,
+    /// L (S | D | M)* D: all.
+    Global,
+}
+
+/// What a map of photons on surfaces is asked for.
 #[derive(Clone, Copy, Debug)]
-pub struct CausticPass {
+pub struct SurfacePass {
+    /// Which photons.
+    pub kind: Kind,
     /// The user's seed.
     pub seed: u64,
     /// The number of the pass: each draws photons of its own.
@@ -37,7 +49,7 @@ pub struct CausticPass {
 
 /// What it holds.
 #[derive(Debug, Default)]
-pub struct Caustics {
+pub struct Landed {
     /// The photons, powers divided by the number of emitted photons.
     pub photons: Vec<Photon>,
     /// Photons emitted.
@@ -52,82 +64,99 @@ const PILOT: u64 = 1 << 13;
 /// more.
 const MOST_EMISSIONS: u64 = 16;
 
-/// Where fewer of the pilot's photons land, caustics are left to chance.
+/// Where fewer of the pilot's photons land, there is no map: paths find that light by chance.
 const FEWEST: u64 = 8;
 
-/// Whether there may be caustics: something specular among surfaces that spread light, and lights.
-pub fn may_be(scene: &Scene) -> bool {
-    let spreads = |material: &Material| match material {
+/// Whether a surface spreads light.
+fn spreads(material: &Material) -> bool {
+    match material {
         Material::Opaque(bsdf) => {
             bsdf.nature() == Nature::Diffuse && bsdf.albedo(&Incidence::head_on()).max_element() > 0.0
         }
         Material::Dielectric(_) | Material::None | Material::Mixture(_) => false,
-    };
-    !scene.lights.is_empty()
-        && scene.surfaces.iter().any(|surface| scene.any_part(&surface.material, &spreads))
-        && scene.surfaces.iter().any(|surface| scene.any_part(&surface.material, &Material::is_partly_specular))
+    }
 }
 
-/// Traces the photons of caustics. `progress` is told how many emissions were done since it was last told, and how many there are to
+/// Whether photons of this kind may land in a scene: on surfaces that spread light, and of caustics after something specular.
+pub fn may_land(scene: &Scene, kind: Kind) -> bool {
+    let any = |holds: &dyn Fn(&Material) -> bool| {
+        scene.surfaces.iter().any(|surface| scene.any_part(&surface.material, &holds))
+    };
+    match kind {
+        Kind::Caustic => !scene.lights.is_empty() && any(&spreads) && any(&Material::is_partly_specular),
+        Kind::Global => !(scene.lights.is_empty() && scene.glows.is_empty()) && any(&spreads),
+    }
+}
+
+/// Traces the photons of a map. `progress` is told how many emissions were done since it was last told, and how many there are to
 /// be; `stop` ends the pass early. Nothing is emitted where hardly any would land.
-pub fn trace_caustics(
+pub fn trace_surfaces(
     scene: &Scene,
-    pass: &CausticPass,
+    pass: &SurfacePass,
     progress: &(impl Fn(u64, u64) + Sync),
     stop: &(impl Fn() -> bool + Sync),
-) -> Caustics {
-    let mut tracer = CausticTracer { scene, pass, sources: Sources::of_lights(scene) };
+) -> Landed {
+    let sources = || match pass.kind {
+        Kind::Caustic => Sources::of_lights(scene),
+        Kind::Global => Sources::new(scene),
+    };
+    let mut tracer = SurfaceTracer { scene, pass, sources: sources() };
     if tracer.sources.is_empty() {
-        return Caustics::default();
+        return Landed::default();
     }
 
-    // Aimed or not, whichever of the two lands more.
-    let pilot = |tracer: &CausticTracer<'_>| tracer.run(Purpose::Pilot, PILOT, &|_, _| {}, stop).photons.len() as u64;
-    let bare = pilot(&tracer);
-    tracer.sources.aim_at_specular();
+    // Caustics are aimed or not, whichever of the two lands more.
+    let pilot = |tracer: &SurfaceTracer<'_>| tracer.run(Purpose::Pilot, PILOT, &|_, _| {}, stop).photons.len() as u64;
     let mut stored = pilot(&tracer);
-    if bare > stored {
-        tracer.sources = Sources::of_lights(scene);
-        stored = bare;
+    if pass.kind == Kind::Caustic {
+        tracer.sources.aim_at_specular();
+        let aimed = pilot(&tracer);
+        if stored > aimed {
+            tracer.sources = sources();
+        }
+        stored = stored.max(aimed);
     }
-
     if stored < FEWEST {
-        return Caustics::default();
+        return Landed::default();
     }
 
     let most = pass.target.saturating_mul(MOST_EMISSIONS).min(pass.max_emitted);
     let wanted = pass.target.saturating_mul(PILOT) / stored;
     let emitted = wanted.clamp(1, most.max(1));
-    let mut caustics = tracer.run(Purpose::Caustic, emitted, progress, stop);
-    let scale = (1.0 / caustics.emitted.max(1) as f64) as f32;
-    caustics.photons.par_iter_mut().for_each(|photon| photon.power *= scale);
-    caustics
+    let purpose = match pass.kind {
+        Kind::Caustic => Purpose::Caustic,
+        Kind::Global => Purpose::Global,
+    };
+    let mut landed = tracer.run(purpose, emitted, progress, stop);
+    let scale = (1.0 / landed.emitted.max(1) as f64) as f32;
+    landed.photons.par_iter_mut().for_each(|photon| photon.power *= scale);
+    landed
 }
 
 /// What all of them share.
-struct CausticTracer<'s> {
+struct SurfaceTracer<'s> {
     scene: &'s Scene,
-    pass: &'s CausticPass,
+    pass: &'s SurfacePass,
     sources: Sources<'s>,
 }
 
-impl<'s> CausticTracer<'s> {
+impl<'s> SurfaceTracer<'s> {
     fn run(
         &self,
         purpose: Purpose,
         emitted: u64,
         progress: &(impl Fn(u64, u64) + Sync),
         stop: &(impl Fn() -> bool + Sync),
-    ) -> Caustics {
-        let emit = |photon, found: &mut Caustics, parts: &mut Parts<'s, Bent>| {
+    ) -> Landed {
+        let emit = |photon, found: &mut Landed, parts: &mut Parts<'s, Remembered>| {
             let mut stream = Stream::new(self.pass.seed, purpose, photon, self.pass.index);
             self.emit(&mut stream, found, parts);
         };
-        let end = |found: &mut Caustics, count| {
+        let end = |found: &mut Landed, count| {
             found.emitted = count;
             progress(count, emitted);
         };
-        let mut all = Caustics::default();
+        let mut all = Landed::default();
         for chunk in in_chunks(0..emitted, stop, emit, end) {
             all.emitted += chunk.emitted;
             all.tally = all.tally.merge(chunk.tally);
@@ -136,35 +165,35 @@ impl<'s> CausticTracer<'s> {
         all
     }
 
-    fn emit(&self, stream: &mut Stream, found: &mut Caustics, parts: &mut Parts<'s, Bent>) {
-        let Some(Start { ray, power, inside, .. }) = self.sources.start(stream) else { return };
+    fn emit(&self, stream: &mut Stream, found: &mut Landed, parts: &mut Parts<'s, Remembered>) {
+        let Some(Start { ray, power, inside, from_light, .. }) = self.sources.start(stream) else { return };
         if !power.is_finite() {
             found.tally.broken += 1;
             return;
         }
-        let own = Bent { history: History::new(true), ahead: Ahead::default() };
+        let own = Remembered { history: History::new(from_light), ahead: Ahead::default() };
         let start =
             Part { walk: Walk::start(self.scene, ray, inside), luggage: Luggage::new(power, own), collision: None };
-        travel(&mut Bending { tracer: self, found, stream }, start, parts);
+        travel(&mut Landing { tracer: self, found, stream }, start, parts);
     }
 }
 
 /// What such a photon remembers.
 #[derive(Clone, Copy, Debug)]
-struct Bent {
+struct Remembered {
     history: History,
     ahead: Ahead,
 }
 
-/// A photon on its way by specular events.
-struct Bending<'f, 's> {
-    tracer: &'f CausticTracer<'s>,
-    found: &'f mut Caustics,
+/// A photon on its way.
+struct Landing<'f, 's> {
+    tracer: &'f SurfaceTracer<'s>,
+    found: &'f mut Landed,
     stream: &'f mut Stream,
 }
 
-impl<'s> Traveller<'s> for Bending<'_, 's> {
-    type Own = Bent;
+impl<'s> Traveller<'s> for Landing<'_, 's> {
+    type Own = Remembered;
 
     fn scene(&self) -> &'s Scene {
         self.tracer.scene
@@ -174,7 +203,7 @@ impl<'s> Traveller<'s> for Bending<'_, 's> {
         self.stream
     }
 
-    fn farthest(&mut self, medium: u32, _: &Ray, luggage: &mut Luggage<Bent>) -> f64 {
+    fn farthest(&mut self, medium: u32, _: &Ray, luggage: &mut Luggage<Remembered>) -> f64 {
         let medium = &self.tracer.scene.media[medium as usize];
         luggage.own.ahead.draw(medium, luggage.weight, self.stream)
     }
@@ -182,8 +211,8 @@ impl<'s> Traveller<'s> for Bending<'_, 's> {
     fn segment(
         &mut self,
         segment: &Segment<'_>,
-        luggage: &mut Luggage<Bent>,
-        _: &mut Parts<'s, Bent>,
+        luggage: &mut Luggage<Remembered>,
+        _: &mut Parts<'s, Remembered>,
     ) -> ControlFlow<f64> {
         let medium = &self.tracer.scene.media[segment.medium as usize];
         let (range, weight) = ((segment.a, segment.b), &mut luggage.weight);
@@ -196,20 +225,27 @@ impl<'s> Traveller<'s> for Bending<'_, 's> {
         &mut self,
         at: Vertex<'_>,
         _: &Walk<'s>,
-        luggage: &mut Luggage<Bent>,
-        _: &mut Parts<'s, Bent>,
+        luggage: &mut Luggage<Remembered>,
+        _: &mut Parts<'s, Remembered>,
     ) -> Option<Heading> {
         // What a medium scatters is no caustic.
-        let Vertex::Surface(surface) = at else { return None };
-        let caustic = luggage.own.history.is_caustic();
-        if caustic && at.nature() == Nature::Diffuse && at.albedo().max_element() > 0.0 {
-            self.deposit(surface, luggage);
+        let SurfacePass { kind, max_events, .. } = *self.tracer.pass;
+        let ends = |event| kind == Kind::Caustic && event == Event::Scattered;
+        if let Vertex::Surface(surface) = at {
+            let stores = kind == Kind::Global || luggage.own.history.is_caustic();
+            if stores && at.nature() == Nature::Diffuse && at.albedo().max_element() > 0.0 {
+                self.deposit(surface, luggage);
+            }
+        } else if ends(Event::Scattered) {
+            return None;
         }
+
+        // On.
         let onward = at.onward(Side::Light, None, &mut luggage.weight, self.stream, survive)?;
-        let event = surface.event(&onward);
+        let event = at.event(&onward);
         luggage.events += 1;
         luggage.own.history = luggage.own.history.after(event);
-        let goes_on = event != Event::Scattered && self.tracer.pass.max_events.allows(luggage.events);
+        let goes_on = !ends(event) && max_events.allows(luggage.events);
         goes_on.then_some(Heading { direction: onward.direction, clearance: None })
     }
 
@@ -218,14 +254,17 @@ impl<'s> Traveller<'s> for Bending<'_, 's> {
     }
 }
 
-impl Bending<'_, '_> {
-    /// Stores what lands.
-    fn deposit(&mut self, at: &Interaction, luggage: &Luggage<Bent>) {
+impl Landing<'_, '_> {
+    /// Stores what lands: its power as the shading normal sees it, |i·s|/|i·g| of what the surface itself gets.
+    fn deposit(&mut self, at: &Interaction, luggage: &Luggage<Remembered>) {
+        let Incidence { direction, normal, shading_normal, .. } = at.incidence;
+        let seen = direction.dot(shading_normal).min(0.0) / direction.dot(normal).min(-f64::MIN_POSITIVE);
         self.found.photons.push(Photon {
             position: at.point.as_vec3(),
-            direction: at.incidence.direction.as_vec3(),
-            power: luggage.weight.as_vec3(),
+            direction: direction.as_vec3(),
+            power: (luggage.weight * seen).as_vec3(),
             events: luggage.events.min(255) as u8,
+            normal: PackedNormal::new(normal),
         });
     }
 }
@@ -236,15 +275,15 @@ mod tests {
     use crate::scene;
     use std::f64::consts::PI;
 
-    fn landed(text: &str) -> Caustics {
+    fn landed(text: &str, kind: Kind) -> Landed {
         let (scene, _) = scene::from_text(text);
-        let pass =
-            CausticPass { seed: 5, index: 0, target: 40_000, max_emitted: 1 << 30, max_events: Events::unlimited() };
-        assert!(may_be(&scene));
-        trace_caustics(&scene, &pass, &|_, _| {}, &|| false)
+        let max_events = Events::unlimited();
+        let pass = SurfacePass { kind, seed: 5, index: 0, target: 40_000, max_emitted: 1 << 30, max_events };
+        assert!(may_land(&scene, kind));
+        trace_surfaces(&scene, &pass, &|_, _| {}, &|| false)
     }
 
-    fn power(caustics: &Caustics) -> f64 {
+    fn power(caustics: &Landed) -> f64 {
         caustics.photons.iter().map(|photon| f64::from(photon.power.x)).sum()
     }
 
@@ -263,7 +302,7 @@ mod tests {
         let disc = |material: &str| {
             format!("type = \"disk\"\ncenter = [0, 0, 0]\nnormal = [0, 1, 0]\nradius = 1\nmaterial = \"{material}\"\n")
         };
-        let caustics = landed(&room(&disc("silver")));
+        let caustics = landed(&room(&disc("silver")), Kind::Caustic);
         let expected = 3.0 * 2.0 * PI * (1.0 - 0.5f64.sqrt()) * 0.8;
         assert!((power(&caustics) / expected - 1.0).abs() < 0.01, "{}, not {expected}", power(&caustics));
         let powers = caustics.photons.iter().map(|photon| photon.power.x);
@@ -278,7 +317,24 @@ mod tests {
         const N: usize = 1000;
         let cosines = (0..N).map(|i| 0.5f64.sqrt() + (1.0 - 0.5f64.sqrt()) * (i as f64 + 0.5) / N as f64);
         let expected = 3.0 * 2.0 * PI * (1.0 - 0.5f64.sqrt()) * cosines.map(mirrored).sum::<f64>() / N as f64;
-        let found = power(&landed(&room(&disc("pane"))));
+        let found = power(&landed(&room(&disc("pane")), Kind::Caustic));
         assert!((found / expected - 1.0).abs() < 0.03, "{found}, not {expected}");
+    }
+
+    /// On the walls of a closed room of even albedo a, all that a lamp sends lands, and of that again the part a: Φ/(1 − a), fog that
+    /// absorbs nothing or not.
+    #[test]
+    fn all_light_lands() {
+        let room = |rest: &str| {
+            format!(
+                "[camera]\nposition = [0, 0, 1]\ntarget = [0, 0, 0]\n[materials.wall]\ntype = \"lambert\"\nreflectance = 0.6\n\
+                 [[shapes]]\ntype = \"box\"\nmin = [-2, -2, -2]\nmax = [2, 2, 2]\nmaterial = \"wall\"\n\
+                 [[lights]]\ntype = \"point\"\nposition = [0, 1, 0]\nintensity = 3\n{rest}"
+            )
+        };
+        for rest in ["", "[world]\nmedium = \"fog\"\n[media.fog]\nsigma_s = 0.3\n"] {
+            let (found, expected) = (power(&landed(&room(rest), Kind::Global)), 3.0 * 4.0 * PI / 0.4);
+            assert!((found / expected - 1.0).abs() < 0.01, "{found}, not {expected}: {rest}");
+        }
     }
 }

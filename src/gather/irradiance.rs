@@ -1,0 +1,446 @@
+//! The irradiance cache: indirect light at a few places of Lambertian surfaces, and between them by interpolation.
+//!
+//! A [`Record`] holds what a hemisphere of gather rays has found at a place: the irradiance for every normal near its own, how it
+//! changes along the surface, and how far that may be trusted. How it changes is told by the mesh that the ends of neighbouring rays
+//! span (Schwarzhaupt, Jensen and Jarosz 2012, "Practical Hessian-based error control for irradiance caching"): each of its triangles sends its
+//! rays' radiance, and hides what is behind it, so that lights which come out behind an edge are accounted for.
+
+use std::f64::consts::PI;
+
+use crate::geometry::Tree;
+use crate::math::{Bounds, DVec3, Frame, Rgb};
+
+/// What a gather ray has found.
+#[derive(Clone, Copy, Debug)]
+pub struct Gathering {
+    /// Its unit direction.
+    pub direction: DVec3,
+    /// The radiance that comes from there.
+    pub radiance: Rgb,
+    /// The distance of the surface there; infinite where there is none.
+    pub distance: f64,
+}
+
+/// Cells of a hemisphere with equal parts of the cosine: rings from the pole down, sectors from x on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Cells {
+    /// Rings.
+    pub rings: usize,
+    /// Sectors of each.
+    pub sectors: usize,
+}
+
+impl Cells {
+    /// About so many, as square as can be.
+    pub fn about(rays: u32) -> Cells {
+        let rings = (f64::from(rays) / PI).sqrt().round().max(2.0);
+        Cells { rings: rings as usize, sectors: ((f64::from(rays) / rings).round() as usize).max(3) }
+    }
+
+    /// How many there are.
+    pub fn count(self) -> usize {
+        self.rings * self.sectors
+    }
+
+    /// A direction in cell `index`, drawn in proportion to the cosine to the frame's z.
+    pub fn direction(self, index: usize, frame: &Frame, [u, v]: [f64; 2]) -> DVec3 {
+        let squared = ((index / self.sectors) as f64 + u) / self.rings as f64;
+        let (sin, cos) = (2.0 * PI * ((index % self.sectors) as f64 + v) / self.sectors as f64).sin_cos();
+        let radius = squared.sqrt();
+        frame.to_world(DVec3::new(radius * cos, radius * sin, (1.0 - squared).sqrt())).normalize()
+    }
+}
+
+/// How records are spaced.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Spacing {
+    /// As far as second derivatives let the irradiance be off by this share.
+    Hessian(f64),
+    /// This share of the harmonic mean of the distances around (Ward, Rubinstein and Clear 1988), or where the gradient would change
+    /// the irradiance by all of it.
+    SplitSphere(f64),
+}
+
+/// Indirect light at a place.
+#[derive(Clone, Debug)]
+pub struct Record {
+    point: DVec3,
+    /// z is the shading normal, x and y are the axes of the ellipse in which it counts,
+    frame: Frame,
+    /// half as long as this.
+    radii: [f64; 2],
+    /// ∫ L ω dω, by channel: its part along a normal is the irradiance for it.
+    vectors: [DVec3; 3],
+    /// How the irradiance changes along the tangent plane, by channel.
+    gradients: [DVec3; 3],
+}
+
+/// Records count for normals that differ by no more than this cosine.
+const MOST_TURNED: f64 = 0.9;
+/// Records count as far above or below their tangent plane as this share of the shorter radius.
+const FLATTENED: f64 = 0.3;
+/// What is at infinity is at this many times the largest radius for the mesh.
+const FAR: f64 = 1e3;
+
+impl Record {
+    /// From what the rays of all cells have found, around a shading normal; `limits` are the least and largest radius.
+    pub fn new(
+        point: DVec3,
+        frame: &Frame,
+        cells: Cells,
+        found: &[Gathering],
+        spacing: Spacing,
+        limits: (f64, f64),
+    ) -> Record {
+        let each = PI / cells.count() as f64;
+        let mut vectors = [DVec3::ZERO; 3];
+        let mut inverse = 0.0;
+        for Gathering { direction, radiance, distance } in found {
+            let cos = direction.dot(frame.z).max(1e-3);
+            for (vector, radiance) in vectors.iter_mut().zip(radiance.to_array()) {
+                *vector += radiance * each / cos * *direction;
+            }
+            inverse += 1.0 / distance;
+        }
+
+        // Derivatives along the tangent plane.
+        let mesh = Mesh { cells, found, frame, far: FAR * limits.1 };
+        let Derivatives { gradients, hessian } = mesh.derivatives();
+        let irradiance = luminance(Rgb::from_array(vectors.map(|vector| vector.dot(frame.z)))).max(0.0);
+
+        // How far it counts.
+        let (axis, radii) = match spacing {
+            Spacing::Hessian(error) => {
+                let (axis, curvatures) = eigen(hessian);
+                // |½ λ r²| = ε E at the rim.
+                (axis, curvatures.map(|curvature| (2.0 * error * irradiance / curvature.abs()).sqrt()))
+            }
+            Spacing::SplitSphere(share) => {
+                let mean = found.len() as f64 / inverse;
+                let slope = luminance_of(&gradients).length();
+                ([1.0, 0.0], [(share * mean).min(irradiance / slope); 2])
+            }
+        };
+        let x = axis[0] * frame.x + axis[1] * frame.y;
+        // Where it is dark, no error matters; what is not a number is not to be trusted.
+        let radii = radii.map(|radius| if radius >= limits.0 { radius.min(limits.1) } else { limits.0 });
+        Record { point, frame: Frame { x, y: frame.z.cross(x), z: frame.z }, radii, vectors, gradients }
+    }
+
+    /// The record with all radii `scale` times as long.
+    pub fn scaled(self, scale: f64) -> Record {
+        Record { radii: self.radii.map(|radius| radius * scale), ..self }
+    }
+
+    /// What it counts at a point of a surface with this shading normal: from 1 there to 0 where it ends.
+    fn weight(&self, point: DVec3, normal: DVec3) -> f64 {
+        let offset = point - self.point;
+        let [a, b] = self.radii;
+        let high = offset.dot(self.frame.z) / (FLATTENED * a.min(b));
+        let aside = (offset.dot(self.frame.x) / a).powi(2) + (offset.dot(self.frame.y) / b).powi(2);
+        let turned = (1.0 - normal.dot(self.frame.z)).max(0.0) / (1.0 - MOST_TURNED);
+        1.0 - (aside + high * high + turned).sqrt()
+    }
+
+    /// The irradiance at a point of a surface with this shading normal, extrapolated: no less than nothing.
+    fn irradiance(&self, point: DVec3, normal: DVec3) -> Rgb {
+        let offset = point - self.point;
+        let of = |channel: usize| self.vectors[channel].dot(normal) + self.gradients[channel].dot(offset);
+        Rgb::new(of(0), of(1), of(2)).max(Rgb::ZERO)
+    }
+
+    /// Around all places where it counts.
+    fn bounds(&self) -> Bounds {
+        let [a, b] = self.radii;
+        let Frame { x, y, z } = self.frame;
+        let half = ((a * x).powf(2.0) + (b * y).powf(2.0) + (FLATTENED * a.min(b) * z).powf(2.0)).map(f64::sqrt);
+        Bounds { min: self.point - half, max: self.point + half }
+    }
+}
+
+/// Records, and where they are.
+#[derive(Debug)]
+pub struct IrradianceCache {
+    records: Vec<Record>,
+    boxes: Vec<Bounds>,
+    tree: Tree,
+}
+
+impl Default for IrradianceCache {
+    fn default() -> Self {
+        IrradianceCache { records: Vec::new(), boxes: Vec::new(), tree: Tree::new(&[]) }
+    }
+}
+
+impl IrradianceCache {
+    /// How many records there are.
+    pub fn len(&self) -> usize {
+        self.records.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.records.is_empty()
+    }
+
+    /// Memory taken, in bytes.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&*self.records) + size_of_val(&*self.boxes)
+    }
+
+    /// Adds records; those that are not finite are left out.
+    pub fn extend(&mut self, records: impl IntoIterator<Item = Record>) {
+        let vectors = |record: &Record| record.vectors.iter().chain(&record.gradients).all(|vector| vector.is_finite());
+        let finite = |record: &Record| vectors(record) && record.bounds().size().is_finite();
+        let before = self.records.len();
+        self.records.extend(records.into_iter().filter(finite));
+        self.boxes.extend(self.records[before..].iter().map(Record::bounds));
+        self.tree = Tree::new(&self.boxes);
+    }
+
+    /// Calls `visit` with the records that count at a point of a surface with this shading normal, and what they count.
+    fn around(&self, point: DVec3, normal: DVec3, mut visit: impl FnMut(&Record, f64)) {
+        let order = self.tree.order();
+        self.tree.overlapping(&Bounds { min: point, max: point }, |place| {
+            let record = &self.records[order[place as usize] as usize];
+            let weight = record.weight(point, normal);
+            if weight > 0.0 {
+                visit(record, weight);
+            }
+        });
+    }
+
+    /// Whether any record counts there.
+    pub fn covers(&self, point: DVec3, normal: DVec3) -> bool {
+        let mut covers = false;
+        self.around(point, normal, |_, _| covers = true);
+        covers
+    }
+
+    /// The irradiance there, of all records that count together; `None` where none does.
+    pub fn irradiance(&self, point: DVec3, normal: DVec3) -> Option<Rgb> {
+        let (mut sum, mut weights) = (Rgb::ZERO, 0.0);
+        self.around(point, normal, |record, weight| {
+            sum += weight * record.irradiance(point, normal);
+            weights += weight;
+        });
+        (weights > 0.0).then(|| sum / weights)
+    }
+}
+
+fn luminance(rgb: Rgb) -> f64 {
+    rgb.dot(Rgb::new(0.2126, 0.7152, 0.0722))
+}
+
+fn luminance_of(gradients: &[DVec3; 3]) -> DVec3 {
+    0.2126 * gradients[0] + 0.7152 * gradients[1] + 0.0722 * gradients[2]
+}
+
+/// An eigenvector of a symmetric matrix [[xx, xy], [xy, yy]], and the eigenvalues of it and of the one across.
+fn eigen([xx, xy, yy]: [f64; 3]) -> ([f64; 2], [f64; 2]) {
+    let angle = 0.5 * (2.0 * xy).atan2(xx - yy);
+    let (sin, cos) = angle.sin_cos();
+    let (mean, half) = (0.5 * (xx + yy), (0.25 * (xx - yy) * (xx - yy) + xy * xy).sqrt());
+    ([cos, sin], [mean + half, mean - half])
+}
+
+/// The triangles between the ends of neighbouring rays, seen from a place.
+struct Mesh<'f> {
+    cells: Cells,
+    found: &'f [Gathering],
+    frame: &'f Frame,
+    /// Where ends are that are infinitely far.
+    far: f64,
+}
+
+/// How a mesh's irradiance changes along the tangent plane.
+#[derive(Debug, Default)]
+struct Derivatives {
+    /// By channel.
+    gradients: [DVec3; 3],
+    /// Of the luminance: xx, xy and yy in the mesh's frame.
+    hessian: [f64; 3],
+}
+
+impl Mesh<'_> {
+    /// Rings of ends in the frame, from the pole to the horizon, with their radiance.
+    fn rings(&self) -> Vec<Vec<(DVec3, Rgb)>> {
+        let Cells { rings, sectors } = self.cells;
+        let end = |of: &Gathering| {
+            let distance = if of.distance < self.far { of.distance } else { self.far };
+            (distance * self.frame.to_local(of.direction), of.radiance)
+        };
+        let mut all: Vec<Vec<_>> =
+            self.found.chunks(sectors).map(|ring| ring.iter().map(end).collect::<Vec<_>>()).collect();
+
+        // The pole, as the first ring, and the horizon, as the last.
+        let mean = |of: fn(&(DVec3, Rgb)) -> DVec3| all[0].iter().map(of).sum::<DVec3>() / sectors as f64;
+        let pole = (mean(|(end, _)| DVec3::Z * end.length()), mean(|(_, radiance)| *radiance));
+        let level = |&(end, radiance): &(DVec3, Rgb)| {
+            let along = DVec3::new(end.x, end.y, 0.0).try_normalize().unwrap_or(DVec3::X);
+            (end.length() * along, radiance)
+        };
+        let horizon = all[rings - 1].iter().map(level).collect();
+        all.insert(0, vec![pole; sectors]);
+        all.push(horizon);
+        all
+    }
+
+    fn derivatives(&self) -> Derivatives {
+        let rings = self.rings();
+        let sectors = self.cells.sectors;
+        let mut sum = Derivatives::default();
+        let mut add = |corners: [(DVec3, Rgb); 3]| {
+            let radiance = (corners[0].1 + corners[1].1 + corners[2].1) / 3.0;
+            if radiance.max_element() <= 0.0 {
+                return;
+            }
+            let [value, x, y, xx, xy, yy] = seen(corners.map(|(end, _)| end));
+            // Whichever way round its corners are.
+            let sign = value.signum();
+            for (gradient, radiance) in sum.gradients.iter_mut().zip(radiance.to_array()) {
+                *gradient += sign * radiance * (x * self.frame.x + y * self.frame.y);
+            }
+            let weight = sign * luminance(radiance);
+            for (hessian, part) in sum.hessian.iter_mut().zip([xx, xy, yy]) {
+                *hessian += weight * part;
+            }
+        };
+        for (ring, pair) in rings.windows(2).enumerate() {
+            let [upper, lower] = pair else { continue };
+            for k in 0..sectors {
+                let next = (k + 1) % sectors;
+                if ring > 0 {
+                    add([upper[k], upper[next], lower[k]]);
+                }
+                add([upper[next], lower[next], lower[k]]);
+            }
+        }
+        sum
+    }
+}
+
+/// π times the form factor of a triangle from the origin with normal z (Lambert 1760), and its derivatives as the origin moves: along x,
+/// y, xx, xy, yy. The sign is that of the triangle's turn.
+///
+/// An edge from a to a + d contributes ½ ∫ (a × d)·z/|a + t d|² dt. With s = (a × d)·z, r = a + t d and q = |r|², moving the origin changes
+/// ∫ 1/q by 2 ∫ r/q², and s by −(d × z): second derivatives follow by the same rules.
+fn seen(corners: [DVec3; 3]) -> [f64; 6] {
+    let mut sum = [0.0; 6];
+    for (a, b) in [(0, 1), (1, 2), (2, 0)] {
+        let (a, d) = (corners[a], corners[b] - corners[a]);
+        let length = d.length();
+        if length <= 0.0 {
+            continue;
+        }
+        // Along the edge, from the foot of the perpendicular on: r = p + l u.
+        let u = d / length;
+        let from = a.dot(u);
+        let to = from + length;
+        let p = a - from * u;
+        // What is seen end on would turn infinitely fast.
+        let h = p.length().max(1e-6 * (from.abs() + to.abs()));
+        let h2 = h * h;
+        let q = |l: f64| h2 + l * l;
+        let angle = (to / h).atan() - (from / h).atan();
+        // ∫ dl/q², ∫ l dl/q², ∫ dl/q³, ∫ l dl/q³, ∫ l² dl/q³.
+        let a2 = 0.5 / h2 * (to / q(to) - from / q(from) + angle / h);
+        let b2 = 0.5 * (1.0 / q(from) - 1.0 / q(to));
+        let a3 = 0.25 / h2 * (to / q(to).powi(2) - from / q(from).powi(2) + 3.0 * a2);
+        let b3 = 0.25 * (1.0 / q(from).powi(2) - 1.0 / q(to).powi(2));
+        let c3 = a2 - h2 * a3;
+        // ∫ 1/q dt, ∫ r/q² dt, ∫ 1/q² dt, ∫ r ⊗ r/q³ dt.
+        let j1 = angle / (h * length);
+        let g = (a2 * p + b2 * u) / length;
+        let j2 = a2 / length;
+        let outer =
+            |i: usize, k: usize| (a3 * p[i] * p[k] + b3 * (p[i] * u[k] + u[i] * p[k]) + c3 * u[i] * u[k]) / length;
+        let s = a.x * d.y - a.y * d.x;
+        // d × z.
+        let across = [d.y, -d.x];
+        let gradient = |i: usize| 2.0 * s * g[i] - across[i] * j1;
+        let second = |i: usize, k: usize| {
+            let even = if i == k { j2 } else { 0.0 };
+            -2.0 * (across[i] * g[k] + g[i] * across[k]) + 2.0 * s * (4.0 * outer(i, k) - even)
+        };
+        let parts = [s * j1, gradient(0), gradient(1), second(0, 0), second(0, 1), second(1, 1)];
+        for (sum, part) in sum.iter_mut().zip(parts) {
+            *sum += 0.5 * part;
+        }
+    }
+    sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Stream;
+    use crate::math::random::Purpose;
+
+    /// Derivatives of a triangle's form factor, against differences of its values; and its value against that of a small one,
+    /// cos θ cos θ' A/r².
+    #[test]
+    fn derivatives_are_those_of_the_form_factor() {
+        let mut stream = Stream::new(4, Purpose::Test, 0, 0);
+        let mut point = || DVec3::new(stream.uniform() - 0.5, stream.uniform() - 0.5, 0.4 + stream.uniform());
+        for _ in 0..100 {
+            let corners = [point(), point(), point()];
+            let from = |x: f64, y: f64| seen(corners.map(|corner| corner - DVec3::new(x, y, 0.0)));
+            let [_, x, y, xx, xy, yy] = from(0.0, 0.0);
+            let e = 1e-4;
+            let difference = |i: usize, [x, y]: [f64; 2]| (from(x, y)[i] - from(-x, -y)[i]) / (2.0 * e);
+            for (found, expected) in [
+                (x, difference(0, [e, 0.0])),
+                (y, difference(0, [0.0, e])),
+                (xx, difference(1, [e, 0.0])),
+                (xy, difference(1, [0.0, e])),
+                (xy, difference(2, [e, 0.0])),
+                (yy, difference(2, [0.0, e])),
+            ] {
+                assert!((found - expected).abs() < 1e-5 * (1.0 + expected.abs()), "{found}, not {expected}");
+            }
+        }
+        let small = [DVec3::new(1.0, 0.0, 2.0), DVec3::new(1.01, 0.0, 2.0), DVec3::new(1.0, 0.01, 2.0)];
+        let middle = (small[0] + small[1] + small[2]) / 3.0;
+        let expected = 0.5 * 0.01 * 0.01 * middle.z * middle.z / middle.length_squared().powi(2);
+        assert!((seen(small)[0].abs() / expected - 1.0).abs() < 1e-4);
+    }
+
+    /// Below a lit square, a record tells irradiance and its change along the floor and with the normal as they are: Lambert's
+    /// formula for the square, and differences of it.
+    #[test]
+    fn records_extrapolate() {
+        let square = |x: f64, z: DVec3| -> f64 {
+            let frame = Frame::around(z);
+            let corner = |i: f64, k: f64| frame.to_local(DVec3::new(i - x, k, 1.0));
+            let corners = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
+            let halves = [[corners[0], corners[1], corners[2]], [corners[0], corners[2], corners[3]]];
+            halves.map(|half| seen(half)[0]).iter().sum::<f64>().abs()
+        };
+        let (x, cells) = (0.6, Cells { rings: 64, sectors: 200 });
+        let frame = Frame { x: DVec3::X, y: DVec3::Y, z: DVec3::Z };
+        let gather = |index: usize| {
+            let direction = cells.direction(index, &frame, [0.5; 2]);
+            let end = DVec3::X * x + direction / direction.z;
+            let lit = end.x.abs() < 1.0 && end.y.abs() < 1.0;
+            // Beyond the square is a black ceiling.
+            Gathering { direction, radiance: Rgb::splat(f64::from(lit)), distance: 1.0 / direction.z }
+        };
+        let found: Vec<Gathering> = (0..cells.count()).map(gather).collect();
+        let record = Record::new(DVec3::X * x, &frame, cells, &found, Spacing::Hessian(0.1), (1e-3, 10.0));
+        let tilted = DVec3::new(0.1, 0.0, 1.0).normalize();
+        for (what, expected, at, normal, precision) in [
+            ("there", square(x, DVec3::Z), x, DVec3::Z, 0.005),
+            ("aside", square(x + 0.1, DVec3::Z), x + 0.1, DVec3::Z, 0.01),
+            ("tilted", square(x, tilted), x, tilted, 0.005),
+        ] {
+            let found = record.irradiance(DVec3::X * at, normal).x;
+            assert!((found / expected - 1.0).abs() < precision, "{what}: {found}, not {expected}");
+        }
+        // Off by a tenth at the end of the ellipse, as asked.
+        let radius = record.radii[usize::from(record.frame.x.x.abs() < 0.5)];
+        let (found, expected) = (record.irradiance(DVec3::X * (x + radius), DVec3::Z).x, square(x + radius, DVec3::Z));
+        let off = (found / square(x, DVec3::Z) - expected / square(x, DVec3::Z)).abs();
+        assert!((0.05..0.2).contains(&off), "off by {off} at {radius}");
+    }
+}
