@@ -73,12 +73,18 @@ pub struct Record {
     vectors: [DVec3; 3],
     /// How the irradiance changes along the tangent plane, by channel.
     gradients: [DVec3; 3],
+    /// The least that the radii are shortened to.
+    shortest: f64,
+    /// The standard error of the irradiance's luminance, were the rays independent.
+    noise: f64,
 }
 
 /// Records count for normals that differ by no more than this cosine.
 const MOST_TURNED: f64 = 0.9;
 /// Records count as far above or below their tangent plane as this share of the shorter radius.
 const FLATTENED: f64 = 0.3;
+/// As far as so many times where they count, records yield to what others say.
+const REACH: f64 = 1.5;
 /// What is at infinity is at this many times the largest radius for the mesh.
 const FAR: f64 = 1e3;
 
@@ -94,8 +100,9 @@ impl Record {
     ) -> Record {
         let each = PI / cells.count() as f64;
         let mut vectors = [DVec3::ZERO; 3];
-        let mut inverse = 0.0;
+        let (mut inverse, mut squares) = (0.0, 0.0);
         for Gathering { direction, radiance, distance } in found {
+            squares += (each * luminance(*radiance)).powi(2);
             let cos = direction.dot(frame.z).max(1e-3);
             for (vector, radiance) in vectors.iter_mut().zip(radiance.to_array()) {
                 *vector += radiance * each / cos * *direction;
@@ -124,22 +131,45 @@ impl Record {
         let x = axis[0] * frame.x + axis[1] * frame.y;
         // Where it is dark, no error matters; what is not a number is not to be trusted.
         let radii = radii.map(|radius| if radius >= limits.0 { radius.min(limits.1) } else { limits.0 });
-        Record { point, frame: Frame { x, y: frame.z.cross(x), z: frame.z }, radii, vectors, gradients }
+        let frame = Frame { x, y: frame.z.cross(x), z: frame.z };
+        let noise = (squares - irradiance * irradiance / found.len() as f64).max(0.0).sqrt();
+        Record { point, frame, radii, vectors, gradients, shortest: limits.0, noise }
     }
 
     /// The record with all radii `scale` times as long.
     pub fn scaled(self, scale: f64) -> Record {
-        Record { radii: self.radii.map(|radius| radius * scale), ..self }
+        Record { radii: self.radii.map(|radius| radius * scale), shortest: self.shortest * scale, ..self }
+    }
+
+    /// Shortens the radii if what it tells of the place of another is farther off what that says than it may be: by `error` at the
+    /// ends of the ellipse, growing with the square of the distance, and by what both do not know. What the mesh cannot know, such as where in a
+    /// medium light comes from, shows there (as Křivánek et al. 2006 clamp by neighbours).
+    fn yield_to(&mut self, other: &Record, error: f64) {
+        let said = luminance(other.irradiance(other.point, other.frame.z));
+        let distance = self.distance(other.point, other.frame.z);
+        if distance >= REACH || said <= 0.0 {
+            return;
+        }
+        let off = (luminance(self.irradiance(other.point, other.frame.z)) - said).abs() - self.noise - other.noise;
+        let ratio = off / (said * error * distance * distance);
+        if ratio > 1.0 {
+            self.radii = self.radii.map(|radius| (radius / ratio.sqrt()).max(self.shortest.min(radius)));
+        }
     }
 
     /// What it counts at a point of a surface with this shading normal: from 1 there to 0 where it ends.
     fn weight(&self, point: DVec3, normal: DVec3) -> f64 {
+        1.0 - self.distance(point, normal)
+    }
+
+    /// How far a point of a surface with this shading normal is, as a share of how far it counts.
+    fn distance(&self, point: DVec3, normal: DVec3) -> f64 {
         let offset = point - self.point;
         let [a, b] = self.radii;
         let high = offset.dot(self.frame.z) / (FLATTENED * a.min(b));
         let aside = (offset.dot(self.frame.x) / a).powi(2) + (offset.dot(self.frame.y) / b).powi(2);
         let turned = (1.0 - normal.dot(self.frame.z)).max(0.0) / (1.0 - MOST_TURNED);
-        1.0 - (aside + high * high + turned).sqrt()
+        (aside + high * high + turned).sqrt()
     }
 
     /// The irradiance at a point of a surface with this shading normal, extrapolated: no less than nothing.
@@ -188,13 +218,26 @@ impl IrradianceCache {
         size_of_val(&*self.records) + size_of_val(&*self.boxes)
     }
 
-    /// Adds records; those that are not finite are left out.
-    pub fn extend(&mut self, records: impl IntoIterator<Item = Record>) {
+    /// Adds records, one after the other; each and those around it are shortened where they are farther apart than by `error`. Those
+    /// that are not finite are left out.
+    pub fn extend(&mut self, records: impl IntoIterator<Item = Record>, error: f64) {
         let vectors = |record: &Record| record.vectors.iter().chain(&record.gradients).all(|vector| vector.is_finite());
         let finite = |record: &Record| vectors(record) && record.bounds().size().is_finite();
         let before = self.records.len();
-        self.records.extend(records.into_iter().filter(finite));
-        self.boxes.extend(self.records[before..].iter().map(Record::bounds));
+        for mut record in records.into_iter().filter(finite) {
+            let bounds = record.bounds();
+            let mut near: Vec<usize> = (before..self.records.len()).collect();
+            let order = self.tree.order();
+            self.tree.overlapping(&bounds, |place| near.push(order[place as usize] as usize));
+            for index in near {
+                let other = &mut self.records[index];
+                record.yield_to(other, error);
+                other.yield_to(&record, error);
+                self.boxes[index] = other.bounds();
+            }
+            self.boxes.push(record.bounds());
+            self.records.push(record);
+        }
         self.tree = Tree::new(&self.boxes);
     }
 

@@ -71,7 +71,7 @@ impl<'s> Filler<'_, 's> {
                     filled.tally = filled.tally.merge(tally);
                     record
                 });
-                filled.cache.extend(records);
+                filled.cache.extend(records, self.settings.error);
                 let cache = &filled.cache;
                 let is_wanted = |&(x, y): &(u32, u32)| self.find(x, y).is_some_and(|found| !found.is_covered(cache));
                 wanted = rest.into_par_iter().filter(is_wanted).collect();
@@ -97,7 +97,7 @@ impl<'s> Filler<'_, 's> {
     fn record(&self, (x, y): (u32, u32), room: &mut Room<'s>) -> (Option<Record>, GatherStats, Tally) {
         let mut tally = Tally::default();
         let Some(Found { at, walk, distance }) = self.find(x, y) else { return (None, GatherStats::default(), tally) };
-        let CacheSettings { cells, spacing, max_radius, min_pixels } = self.settings;
+        let CacheSettings { cells, spacing, max_radius, min_pixels, .. } = self.settings;
         let pixel = u64::from(y) * u64::from(self.camera.size().0) + u64::from(x);
         let mut stream = Stream::new(self.plan.seed, Purpose::Irradiance, 2 * pixel + 1, self.pass.into());
 

@@ -74,6 +74,8 @@ pub struct CacheSettings {
     pub cells: Cells,
     /// How far records count.
     pub spacing: Spacing,
+    /// Neighbours may be apart by this share.
+    pub error: f64,
     /// No record counts farther than this,
     pub max_radius: f64,
     /// nor less far than so many pixels' widths.
@@ -116,6 +118,8 @@ const GLOBAL_PHOTONS: u64 = 200_000;
 const CACHE_RAYS: u32 = 200;
 /// The share of the scene's extent as far as which records count at most.
 const CACHE_RADIUS_SHARE: f64 = 0.1;
+/// By what share neighbouring records may be apart beyond their noise.
+const CACHE_APART: f64 = 0.05;
 /// Records count as far as so many pixels' widths at least.
 const CACHE_PIXELS: f64 = 1.5;
 /// The share of the scene's extent that fixed radii on surfaces have, unless the scene file says otherwise.
@@ -209,6 +213,7 @@ impl Plan {
                         Records::Hessian => Spacing::Hessian(surface.cache_error),
                         Records::SplitSphere => Spacing::SplitSphere(surface.cache_error),
                     },
+                    error: CACHE_APART,
                     max_radius: CACHE_RADIUS_SHARE * diagonal,
                     min_pixels: CACHE_PIXELS,
                 }
