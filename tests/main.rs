@@ -10,6 +10,7 @@ mod closed_forms;
 mod compare;
 mod determinism;
 mod figures;
+mod indirect;
 mod kinds;
 mod light_tracing;
 mod many_lights;

@@ -290,7 +290,7 @@ fn every_key_is_read_as_the_manual_says() {
     assert_eq!((file.value.as_path(), *scale, *rotate), (Path::new("scenes/sky.hdr"), Rgb::splat(2.0), 45.0));
 
     assert_eq!(scene.render, Render { method: Method::Path, samples: 8, passes: 3, seed: u64::MAX, max_depth: 3 });
-    assert_eq!(scene.photons, Photons { volume: Some(1000), caustic: None, max_emitted: 2000 });
+    assert_eq!(scene.photons, Photons { volume: Some(1000), global: None, caustic: None, max_emitted: 2000 });
     let volume = Volume {
         estimate: Estimate::Point,
         kernel: Kernel::Fixed,
@@ -688,14 +688,7 @@ fn several_mistakes_are_reported_at_once_in_the_order_of_the_file() {
 }
 
 /// Keys of the manual whose features are still to come.
-const LATER: &[&str] = &[
-    "[photons]\nglobal = 200_000\n",
-    "[surface]\nindirect = \"final_gather\"\n",
-    "[surface]\nestimate = \"sheets\"\n",
-    "[surface]\ngather_rays = 200\n",
-    "[surface]\nirradiance_cache = true\n",
-    "[surface]\nindirect = \"map\"\n",
-];
+const LATER: &[&str] = &["[surface]\nestimate = \"sheets\"\n"];
 
 #[test]
 fn what_is_not_built_yet_is_refused_as_such() {
@@ -703,9 +696,6 @@ fn what_is_not_built_yet_is_refused_as_such() {
         let message = complaint(&format!("{text}{CAMERA}"), &[]);
         assert!(message.lines().all(|line| line.contains("not supported yet")), "{message}");
     }
-    // What these say is what is done anyway.
-    let idle = "[photons]\nglobal = 0\ncaustic = 0\n[surface]\nirradiance_cache = false\nindirect = \"path\"\nestimate = \"knn\"\n";
-    assert!(parse(&format!("{idle}{CAMERA}"), &[]).is_ok());
 }
 
 #[test]

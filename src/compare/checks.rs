@@ -31,19 +31,16 @@ pub fn regions(request: &Request, base: &Description) -> Result<Vec<Region>> {
 fn is_of_gathering(key: &str) -> bool {
     let key = key.trim();
     (key.starts_with("volume.") && key != "volume.single_scattering")
+        || key.starts_with("surface.")
         || matches!(key, "render.method" | "render.samples")
 }
 
 /// What was asked for, checked and with everything it sets.
 pub fn variants(context: &mut Context<'_>, budgets: &Budgets) -> Result<Vec<Variant>> {
     let request = context.request;
-    let default = |name: &&(&str, _)| match name.0 {
-        "beam-fixed" | "light" => false,
-        name => name != "path" || !request.same_map,
-    };
     let asked: Vec<StudyVariant> = if request.variants.is_empty() {
-        let names = variant::BUILT_IN.iter().filter(default);
-        names.map(|(name, _)| StudyVariant { name: name.to_string(), ..StudyVariant::default() }).collect()
+        let names = variant::DEFAULT.iter().filter(|name| **name != "path" || !request.same_map);
+        names.map(|name| StudyVariant { name: name.to_string(), ..StudyVariant::default() }).collect()
     } else {
         request.variants.clone()
     };

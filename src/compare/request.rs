@@ -16,7 +16,7 @@ pub struct Request {
     pub study: Option<String>,
     /// Overrides for all variants, `key=value`.
     pub set: Vec<String>,
-    /// The variants; none: the built-in ones but `beam-fixed`, and but `path` where all share a map.
+    /// The variants; none: the built-in ones of media, but `beam-fixed`, and but `path` where all share a map.
     pub variants: Vec<StudyVariant>,
     /// Where to measure; `None`: at 1, 2, 4… seconds up to `time`, from the first that no variant misses.
     pub budgets: Option<Budgets>,

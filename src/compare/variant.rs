@@ -9,7 +9,7 @@ use crate::scene::{self, Scene, Settings, StudyVariant, is_plain};
 use crate::{Error, Result};
 
 /// Names of the built-in variants, and what they set.
-pub const BUILT_IN: [(&str, &[(&str, &str)]); 7] = [
+pub const BUILT_IN: [(&str, &[(&str, &str)]); 10] = [
     ("path", &[("render.method", "path")]),
     ("light", &[("render.method", "light")]),
     ("beam", &[("render.method", "photon"), ("volume.estimate", "beam"), ("volume.kernel", "variable")]),
@@ -17,13 +17,25 @@ pub const BUILT_IN: [(&str, &[(&str, &str)]); 7] = [
     ("point-uniform", &POINT[0]),
     ("point-adaptive", &POINT[1]),
     ("point-exponential", &POINT[2]),
+    ("map", &[("render.method", "photon"), ("surface.indirect", "map")]),
+    ("final-gather", &GATHER[0]),
+    ("cache", &GATHER[1]),
 ];
+
+/// The variants that are compared if none is named: those of media.
+pub const DEFAULT: [&str; 5] = ["path", "beam", "point-uniform", "point-adaptive", "point-exponential"];
 
 const fn point(step: &'static str) -> [(&'static str, &'static str); 3] {
     [("render.method", "photon"), ("volume.estimate", "point"), ("volume.march.step", step)]
 }
 
 const POINT: [[(&str, &str); 3]; 3] = [point("uniform"), point("adaptive"), point("exponential")];
+
+const fn gather(cache: &'static str) -> [(&'static str, &'static str); 3] {
+    [("render.method", "photon"), ("surface.indirect", "final_gather"), ("surface.irradiance_cache", cache)]
+}
+
+const GATHER: [[(&str, &str); 3]; 2] = [gather("false"), gather("true")];
 
 /// What the built-in variant `name` sets.
 pub fn built_in(name: &str) -> Option<&'static [(&'static str, &'static str)]> {
@@ -170,7 +182,8 @@ fn derived(description: &Description, context: &mut Context<'_>) -> Result<Optio
 
 /// The mean radius of the scene's discs with adaptive radii; `None` without photons.
 fn mean_radius(context: &mut Context<'_>, neighbours: Option<u32>) -> Result<Option<f64>> {
-    let mut set: Vec<Pair> = BUILT_IN[1].1.iter().map(|(key, value)| (key.to_string(), value.to_string())).collect();
+    let beam = built_in("beam").unwrap_or_default();
+    let mut set: Vec<Pair> = beam.iter().map(|(key, value)| (key.to_string(), value.to_string())).collect();
     set.extend(neighbours.map(|n| ("volume.neighbours".to_string(), n.to_string())));
     let (scene, settings) = scene::build(&context.describe("beam", &set)?)?;
     let map = SharedMap::build(&scene, &settings, context.photons()?)?;

@@ -137,7 +137,7 @@ pub(super) struct Renderer<'s, P> {
     pub(super) clock: Clock,
     pub(super) film: Film,
     pub(super) stats: Stats,
-    warnings: Vec<String>,
+    pub(super) warnings: Vec<String>,
 }
 
 impl<P: Progress> Renderer<'_, P> {

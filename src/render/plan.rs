@@ -108,12 +108,10 @@ const DENSE_NEIGHBOURS: u32 = 300;
 const THICK: f64 = 100.0;
 /// The share of the largest extent of the photons that adaptive radii may reach at most.
 const MAX_RADIUS_SHARE: f64 = 0.1;
-/// Photons in the caustic map, unless the scene file says otherwise.
-const CAUSTIC_PHOTONS: u64 = 200_000;
+/// Photons in the caustic map, and in the global one, unless the scene file says otherwise.
+const SURFACE_PHOTONS: u64 = 200_000;
 /// The share of the scene's extent that radii of caustics may reach at most.
 const CAUSTIC_RADIUS_SHARE: f64 = 0.03;
-/// Photons in the global map, unless the scene file says otherwise.
-const GLOBAL_PHOTONS: u64 = 200_000;
 /// Gather rays of a record of the irradiance cache, unless the scene file says otherwise.
 const CACHE_RAYS: u32 = 200;
 /// The share of the scene's extent as far as which records count at most.
@@ -302,9 +300,7 @@ pub fn caustic_photons(scene: &Scene, settings: &Settings) -> u64 {
         && max_events.allows(1)
         && may_land(scene, Kind::Caustic)
         && settings.surface.indirect != Indirect::Map;
-    // Who asks for few photons wants a quick picture.
-    let default = settings.photons.volume.map_or(CAUSTIC_PHOTONS, |volume| volume.min(CAUSTIC_PHOTONS));
-    if there { settings.photons.caustic.unwrap_or(default) } else { 0 }
+    if there { settings.photons.caustic.unwrap_or(on_surfaces(settings)) } else { 0 }
 }
 
 /// Photons wanted in each pass's global map: none where no one looks it up.
@@ -317,7 +313,12 @@ pub fn global_photons(scene: &Scene, settings: &Settings) -> u64 {
         Indirect::Path | Indirect::None => None,
     };
     let read = settings.render.method == Method::Photon && read_after.is_some_and(|events| max_events.allows(events));
-    if read && may_land(scene, Kind::Global) { settings.photons.global.unwrap_or(GLOBAL_PHOTONS) } else { 0 }
+    if read && may_land(scene, Kind::Global) { settings.photons.global.unwrap_or(on_surfaces(settings)) } else { 0 }
+}
+
+/// Photons in a map on surfaces, unless the scene file says otherwise: who asks for few in media wants a quick picture.
+fn on_surfaces(settings: &Settings) -> u64 {
+    settings.photons.volume.map_or(SURFACE_PHOTONS, |volume| volume.min(SURFACE_PHOTONS))
 }
 
 /// Whether all media that scatter are in solids that hardly any light passes straight.

@@ -69,7 +69,6 @@ impl<P: Progress> Renderer<'_, P> {
         let sends = self.plan.method == Method::Light;
         let lamps = sends.then(|| LightTracer::new(self.scene, &self.camera, &self.plan, pass));
         let tasks = lamps.as_ref().map_or(0, LightTracer::tasks_in_sample);
-        self.progress.phase("render", (u64::from(tiles) + tasks) * self.plan.samples as u64);
         let traced = self.plan.traced.clone();
         let settings = EyeSettings {
             mode,
@@ -83,6 +82,7 @@ impl<P: Progress> Renderer<'_, P> {
         let mut eye = Eye::new(self.scene, settings);
         let cache = self.fill_cache(&eye, pass);
         eye.keep(cache.as_ref());
+        self.progress.phase("render", (u64::from(tiles) + tasks) * self.plan.samples as u64);
         let mut from = 0;
         while from < self.plan.samples && !self.stopped() {
             let most = if pass == 0 { self.progress.round(from).clamp(1, ROUND) } else { ROUND };
@@ -150,7 +150,14 @@ impl<P: Progress> Renderer<'_, P> {
         let scale = narrowing(pass / self.plan.parts, SurfaceMap::DIMENSION);
         let (scene, camera, plan) = (self.scene, &self.camera, &self.plan);
         let filler = Filler { scene, camera, plan, settings, eye, pass, scale };
-        let Filled { cache, gathered, tally } = filler.fill(&|| self.stopped());
+        let stop = || self.stop.load(Ordering::Relaxed) || self.clock.ends_photons();
+        let Filled { cache, gathered, tally } = filler.fill(&stop);
+        if self.clock.ends_photons() && !self.clock.image {
+            // The only image there will be.
+            self.plan.samples = 1;
+            self.warnings.push(format!("the time was up when {} places knew their indirect light", cache.len()));
+        }
+        self.clock.samples = Instant::now();
         self.stats.records += cache.len() as u64;
         self.stats.gather += gathered;
         self.stats.tally = self.stats.tally.merge(tally);

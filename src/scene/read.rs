@@ -264,7 +264,7 @@ fn render(table: &Table) -> Read<Render> {
 
 fn photons(table: &Table) -> Read<Photons> {
     let volume = table.get("volume", |item| item.u64(1));
-    let global = table.get("global", |item| item.u64(1));
+    let global = table.get("global", |item| item.u64(0));
     let caustic = table.get("caustic", |item| item.u64(0));
     let max_emitted = table.get_or("max_emitted", 50_000_000, |item| item.u64(1));
     table.finish()?;
@@ -327,7 +327,7 @@ fn surface(table: &Table) -> Read<Surface> {
         ("path", Indirect::Path),
         ("none", Indirect::None),
     ];
-    let indirect = table.get_or("indirect", Indirect::Path, |item| item.choice(&ways, &[]));
+    let indirect = table.get_or("indirect", Indirect::FinalGather, |item| item.choice(&ways, &[]));
     let estimates = [("knn", SurfaceEstimate::Knn), ("fixed", SurfaceEstimate::Fixed)];
     let estimate = table.get_or("estimate", SurfaceEstimate::Knn, |item| item.choice(&estimates, &["sheets"]));
     let radius = table.get("radius", Item::length);

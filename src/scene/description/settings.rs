@@ -89,7 +89,8 @@ pub struct Photons {
     /// About how many photons the caustic map should hold; 0: there is none, and caustics are left to chance. `None`: chosen from
     /// the scene.
     pub caustic: Option<u64>,
-    /// About how many photons the global map should hold, at least 1; `None`: chosen from the scene.
+    /// About how many photons the global map should hold; 0: there is none, and paths tell indirect light. `None`: chosen from the
+    /// scene.
     pub global: Option<u64>,
     /// The most photons that are emitted in a pass, at least 1.
     pub max_emitted: u64,

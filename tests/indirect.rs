@@ -1,0 +1,190 @@
+//! Indirect light on surfaces: gathered, cached, or read from the global map, it is what paths find.
+
+use crate::support::{Checks, Estimate, render};
+
+/// A box with coloured walls, a tall box and a ball in it, and a square lamp below its ceiling (Goral et al. 1984).
+const ROOM: &str = r#"
+[materials.white]
+type = "lambert"
+reflectance = 0.75
+[materials.red]
+type = "lambert"
+reflectance = [0.63, 0.06, 0.05]
+[[shapes]]
+type = "quad"
+origin = [-1, 0, -1]
+edge_u = [0, 0, 2]
+edge_v = [2, 0, 0]
+material = "white"
+[[shapes]]
+type = "quad"
+origin = [-1, 2, -1]
+edge_u = [2, 0, 0]
+edge_v = [0, 0, 2]
+material = "white"
+[[shapes]]
+type = "quad"
+origin = [-1, 0, -1]
+edge_u = [2, 0, 0]
+edge_v = [0, 2, 0]
+material = "white"
+[[shapes]]
+type = "quad"
+origin = [-1, 0, -1]
+edge_u = [0, 2, 0]
+edge_v = [0, 0, 2]
+material = "red"
+[[shapes]]
+type = "box"
+min = [-0.3, 0, -0.3]
+max = [0.3, 1.2, 0.3]
+transform = [{ rotate = { axis = [0, 1, 0], angle = 18 } }, { translate = [-0.35, 0, -0.35] }]
+material = "white"
+[[shapes]]
+type = "sphere"
+center = [0.4, 0.35, 0.35]
+radius = 0.35
+material = "white"
+[[shapes]]
+type = "quad"
+origin = [-0.25, 1.99, -0.25]
+edge_u = [0.5, 0, 0]
+edge_v = [0, 0, 0.5]
+emission = { radiance = 17 }
+[camera]
+position = [0, 1, 3.4]
+target = [0, 1, 0]
+fov = 40
+"#;
+
+/// A rough, tiled floor, a varnished wall, a mirror and a ball of glass under fog and a round lamp, with a sky that shines in.
+const MIXED: &str = r#"
+[world]
+medium = "fog"
+[media.fog]
+sigma_s = 0.06
+sigma_a = 0.02
+density = { type = "exponential", up = [0, 1, 0], scale_height = 2 }
+[materials.floor]
+type = "oren_nayar"
+reflectance = { texture = "checker", scale = 4, a = [0.7, 0.6, 0.4], b = 0.3 }
+sigma = 0.4
+[materials.paint]
+type = "lambert"
+reflectance = [0.3, 0.6, 0.7]
+[materials.varnished]
+type = "coated"
+base = "paint"
+[materials.silver]
+type = "mirror"
+reflectance = 0.9
+[materials.glass]
+type = "dielectric"
+[[shapes]]
+type = "quad"
+origin = [-2, 0, 2]
+edge_u = [4, 0, 0]
+edge_v = [0, 0, -4]
+material = "floor"
+[[shapes]]
+type = "quad"
+origin = [-2, 0, -2]
+edge_u = [4, 0, 0]
+edge_v = [0, 3, 0]
+material = "varnished"
+[[shapes]]
+type = "quad"
+origin = [-2, 0, -2]
+edge_u = [0, 3, 0]
+edge_v = [0, 0, 4]
+material = "paint"
+[[shapes]]
+type = "disk"
+center = [1.9, 1, 0]
+normal = [-1, 0, 0]
+radius = 0.9
+material = "silver"
+[[shapes]]
+type = "sphere"
+center = [0.3, 0.6, -0.3]
+radius = 0.5
+material = "glass"
+[[shapes]]
+type = "sphere"
+center = [-0.6, 2.4, 0.6]
+radius = 0.3
+emission = { radiance = 14 }
+[[lights]]
+type = "environment"
+radiance = [0.1, 0.15, 0.25]
+[camera]
+position = [0, 1.4, 4.2]
+target = [0, 1, 0]
+fov = 50
+"#;
+
+const FILM: &str = "[film]\nwidth = 16\nheight = 16\nlayers = false\n";
+
+const WAYS: &[(&str, &[&str])] = &[
+    ("gathered", &["surface.irradiance_cache=false"]),
+    ("cached", &[]),
+    ("cached by distance", &["surface.records=split_sphere", "surface.cache_error=0.2"]),
+    ("shown", &["surface.indirect=map"]),
+];
+
+/// Means of whole films by all ways, within half a per cent beyond their noise of what paths found once, with standard errors.
+#[test]
+fn indirect_light_is_what_paths_find() {
+    let mut checks = Checks::default();
+    for (name, scene, (mean, standard_error)) in [("room", ROOM, ROOM_BY_PATHS), ("mixed", MIXED, MIXED_BY_PATHS)] {
+        for (way, set) in WAYS {
+            let mut overrides = vec!["photons.volume=60_000", "photons.global=60_000", "render.samples=32"];
+            overrides.extend(*set);
+            let found = Estimate::of(4, &format!("{FILM}{scene}"), &overrides);
+            checks.agree(&format!("{name}, {way}"), &found, &Estimate { mean, standard_error }, 0.01, 0.005);
+        }
+    }
+    checks.finish();
+}
+
+/// By `render.method=path` with 4096 samples, 16 seeds.
+const ROOM_BY_PATHS: ([f64; 3], [f64; 3]) = ([0.358_373, 0.307_892, 0.307_127], [2.6e-5, 1.9e-5, 1.9e-5]);
+const MIXED_BY_PATHS: ([f64; 3], [f64; 3]) = ([0.0; 3], [0.0; 3]);
+
+/// In a closed box that shines and reflects a part a of what arrives, L = L_e/(1 − a) everywhere: in its corners, too.
+#[test]
+fn furnaces_are_even() {
+    let mut checks = Checks::default();
+    for albedo in [0.5, 0.9] {
+        let text = format!(
+            "{FILM}[materials.wall]\ntype = \"lambert\"\nreflectance = {albedo}\n[[shapes]]\ntype = \"box\"\nmin = [-1, -1, -1]\n\
+             max = [1, 1, 2]\nmaterial = \"wall\"\nemission = {{ radiance = 1, side = \"in\" }}\n\
+             [camera]\nposition = [0.2, 0.1, 1.8]\ntarget = [0, 0, 0]\nfov = 80\n"
+        );
+        for (way, set) in WAYS {
+            let mut overrides = vec!["photons.global=100_000", "render.samples=16"];
+            overrides.extend(*set);
+            let found = Estimate::of(3, &text, &overrides);
+            let expected = Estimate { mean: [1.0 / (1.0 - albedo); 3], standard_error: [0.0; 3] };
+            checks.agree(&format!("{albedo}, {way}"), &found, &expected, 0.01, 0.005);
+        }
+    }
+    checks.finish();
+}
+
+/// Behind a wall without thickness it is as dark as dark can be, and so is the side of a sheet that no light reaches.
+#[test]
+fn no_light_leaks_through_a_sheet() {
+    let text = format!(
+        "{FILM}[materials.wall]\ntype = \"lambert\"\nreflectance = 0.8\n[[shapes]]\ntype = \"box\"\nmin = [-2, -1, -1]\nmax = [2, 1, 1]\n\
+         material = \"wall\"\n[[shapes]]\ntype = \"quad\"\norigin = [0, -1, -1]\nedge_u = [0, 2, 0]\nedge_v = [0, 0, 2]\nmaterial = \"wall\"\n\
+         [[lights]]\ntype = \"point\"\nposition = [-0.2, 0.3, 0]\nintensity = 5\n\
+         [camera]\nposition = [1.9, 0.1, 0.3]\ntarget = [0, 0, 0]\nfov = 90\n"
+    );
+    for (way, set) in WAYS {
+        let mut overrides = vec!["photons.global=50_000"];
+        overrides.extend(*set);
+        let image = render(&text, &overrides).film.image();
+        assert_eq!(image.channel_means(), [0.0; 3], "{way}");
+    }
+}
