@@ -148,9 +148,11 @@ radiance = [0.1, 0.15, 0.3]
 "#
     );
     // Path tracing found this once (128 seeds of 200 samples).
-    let path = Estimate { mean: [0.111_410, 0.152_488, 0.267_257], standard_error: [3.1e-5, 2.5e-5, 4.3e-5] };
+    let known = Estimate { mean: [0.111_410, 0.152_488, 0.267_257], standard_error: [3.1e-5, 2.5e-5, 4.3e-5] };
+    let path = Estimate::of(16, &text, &["render.method=path", "render.samples=50"]);
+    checks.agree("paths", &path, &known, 0.004, 0.0);
     let photon = Estimate::of(6, &text, &["render.method=photon", "render.samples=16", "photons.volume=200_000"]);
-    checks.agree("noise", &photon, &path, 0.004, 0.008);
+    checks.agree("photons", &photon, &known, 0.004, 0.008);
     checks.finish();
 }
 
@@ -202,9 +204,11 @@ radius = 0.4
 "#
     );
     // Path tracing found this once (384 seeds of 100 samples).
-    let path = Estimate { mean: [0.740_566; 3], standard_error: [4.7e-4; 3] };
+    let known = Estimate { mean: [0.740_566; 3], standard_error: [4.7e-4; 3] };
+    let path = images(16, &text, &["render.method=path", "render.samples=50"]);
+    checks.agree("paths", &grey(&path), &known, 0.01, 0.0);
     let photon = images(8, &text, &["render.method=photon", "render.samples=36", "photons.volume=200_000"]);
-    checks.agree("droplets", &grey(&photon), &path, 0.01, 0.005);
+    checks.agree("photons", &grey(&photon), &known, 0.01, 0.005);
     checks.finish();
 }
 
