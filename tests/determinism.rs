@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 
 use volpm::image::{Image, LayerData};
 use volpm::render::{Film, Silent, render as render_scene};
-use volpm::scene;
+use volpm::scene::{self, Settings};
 use xxhash_rust::xxh3::Xxh3;
 
 use crate::support::{ALL_SORTS, render};
@@ -63,12 +63,15 @@ fn digest(film: &Film) -> u64 {
 fn threads_change_no_scene() {
     let mut found = BTreeMap::new();
     for (name, changes) in SCENES {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name).with_extension("toml");
+        let read = |chosen: &[&str]| {
+            let overrides: Vec<String> = [&QUICK[..], changes, chosen].concat().iter().map(|t| t.to_string()).collect();
+            scene::read(&file, &overrides).unwrap_or_else(|error| panic!("{error}"))
+        };
+        // How it is rendered is no part of a scene: one is enough.
+        let (scene, _) = scene::build(&read(&[])).unwrap_or_else(|error| panic!("{error}"));
         for (estimate, chosen) in ESTIMATES {
-            let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name).with_extension("toml");
-            let overrides: Vec<String> =
-                QUICK.iter().chain(changes).chain(&chosen).map(|text| text.to_string()).collect();
-            let description = scene::read(&file, &overrides).unwrap_or_else(|error| panic!("{error}"));
-            let (scene, settings) = scene::build(&description).unwrap_or_else(|error| panic!("{error}"));
+            let settings = Settings::of(&read(&chosen));
             let [one, five] = [1, 5].map(|threads| {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
                 let rendering = pool.install(|| render_scene(&scene, &settings, &Silent, &AtomicBool::new(false)));

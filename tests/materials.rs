@@ -259,9 +259,12 @@ fn polish_lights_fog() {
                 [[shapes]]\ntype = \"disk\"\ncenter = [0, 0, 0]\nnormal = [0, 1, 0]\nradius = 20\nmaterial = \"floor\"\n\
                 [[shapes]]\ntype = \"sphere\"\ncenter = [0, 1, 0]\nradius = 0.4\ninterior = \"fog\"\n\
                 [[shapes]]\ntype = \"disk\"\ncenter = [2.5, 1.5, 0]\nnormal = [0, -1, 0]\nradius = 0.8\nemission = { radiance = 5 }\n";
-    let path = Estimate::of(16, text, &["render.method=path", "render.samples=1600"]);
-    let photon = Estimate::of(16, text, &["render.method=photon", "render.samples=60", "photons.volume=30_000"]);
-    checks.agree("ball", &photon, &path, 0.01, 0.005);
+    // Path tracing found this once (128 seeds of 1600 samples).
+    let known = Estimate { mean: [0.015_508; 3], standard_error: [2.6e-5; 3] };
+    let path = Estimate::of(16, text, &["render.method=path", "render.samples=400"]);
+    checks.agree("paths", &path, &known, 0.01, 0.0);
+    let photon = Estimate::of(14, text, &["render.method=photon", "render.samples=60", "photons.volume=30_000"]);
+    checks.agree("photons", &photon, &known, 0.01, 0.005);
     checks.finish();
 }
 

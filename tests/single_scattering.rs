@@ -140,9 +140,11 @@ intensity = 10
         let marched = of(text, 16, 6, &set);
         checks.agree(&format!("one event, {step} steps"), &marched, &path, 0.006, 0.0);
     }
-    let path = of(text, 16, 80, &[PATH]);
-    let traced = of(text, 8, 16, &[PHOTON, TRACED, "photons.volume=100_000"]);
-    checks.agree("all light", &traced, &path, 0.006, 0.01);
+    // Path tracing found this once (384 seeds of 80 samples).
+    let known = Estimate { mean: [0.291_062; 3], standard_error: [1.6e-4; 3] };
+    checks.agree("all light, paths", &of(text, 16, 40, &[PATH]), &known, 0.006, 0.0);
+    let traced = of(text, 5, 16, &[PHOTON, TRACED, "photons.volume=100_000"]);
+    checks.agree("all light, traced", &traced, &known, 0.006, 0.01);
     checks.finish();
 }
 

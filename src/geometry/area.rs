@@ -62,6 +62,7 @@ impl Geometry {
     }
 
     /// The corners of a triangle of a mesh, in the world, and its outward unit normal.
+    #[inline(never)]
     pub fn triangle(&self, id: u32, triangle: u32) -> Option<([DVec3; 3], DVec3)> {
         self.placed[id as usize].triangle(triangle)
     }
@@ -153,6 +154,7 @@ struct Seen {
 }
 
 impl Seen {
+    #[inline]
     fn of(placed: &Placed, from: DVec3) -> Option<Self> {
         let (center, radius) = placed.world_sphere()?;
         let distance = center.distance(from);
@@ -166,6 +168,7 @@ impl Seen {
         Some(Seen { center, radius, distance, sin2_max, one_minus_cos_max: sin2_max / (1.0 + cos_max) })
     }
 
+    #[inline]
     fn pdf(&self) -> f64 {
         (TAU * self.one_minus_cos_max).recip()
     }

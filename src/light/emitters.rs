@@ -87,56 +87,35 @@ impl Emitters {
 
     /// Draws an emitter for a receiver, by how much light each might send there; with the probability of that. Where there are few,
     /// and of lights outside the tree, its normal does not count.
+    #[inline]
     pub fn draw(&self, lights: &[Light], receiver: &Receiver, u: impl FnOnce() -> f64) -> Option<(Emitter, f64)> {
+        if let Some(many) = &self.many {
+            return many.draw(lights, receiver, u());
+        }
+        if let [_] = lights {
+            return Some((Emitter { light: 0, triangle: None }, 1.0));
+        }
         let p = receiver.point;
-        let Some(many) = &self.many else {
-            if let [_] = lights {
-                return Some((Emitter { light: 0, triangle: None }, 1.0));
-            }
-            let total: f64 = lights.iter().map(|light| light.importance(p)).sum();
-            if total.is_nan() || total <= 0.0 {
-                return None;
-            }
-            let choice = choose(lights.iter().map(|light| light.importance(p)), total, u())?;
-            return Some((Emitter { light: choice.index as u32, triangle: None }, choice.probability));
-        };
-        if many.outside.is_empty() {
-            let (emitter, probability) = many.tree.to_point(receiver).draw(u())?;
-            return Some((many.emitters[emitter as usize], probability));
+        let total: f64 = lights.iter().map(|light| light.importance(p)).sum();
+        if total.is_nan() || total <= 0.0 {
+            return None;
         }
-        let within = many.tree.to_point(receiver);
-        let weights = || many.outside(lights, p).chain([within.irradiance()]);
-        let choice = choose(weights(), weights().sum(), u())?;
-        if let Some(&light) = many.outside.get(choice.index) {
-            return Some((Emitter { light, triangle: None }, choice.probability));
-        }
-        let (emitter, probability) = within.draw(choice.rest)?;
-        Some((many.emitters[emitter as usize], choice.probability * probability))
+        let choice = choose(lights.iter().map(|light| light.importance(p)), total, u())?;
+        Some((Emitter { light: choice.index as u32, triangle: None }, choice.probability))
     }
 
     /// The probability with which [`Emitters::draw`] draws this one.
+    #[inline]
     pub fn probability(&self, lights: &[Light], emitter: Emitter, receiver: &Receiver) -> f64 {
+        if let Some(many) = &self.many {
+            return many.probability(lights, emitter, receiver);
+        }
+        if let [_] = lights {
+            return 1.0;
+        }
         let p = receiver.point;
-        let Some(many) = &self.many else {
-            if let [_] = lights {
-                return 1.0;
-            }
-            let total: f64 = lights.iter().map(|light| light.importance(p)).sum();
-            return if total > 0.0 { lights[emitter.light as usize].importance(p) / total } else { 0.0 };
-        };
-        let within = many.tree.to_point(receiver);
-        let index = many.index(emitter);
-        if many.outside.is_empty() {
-            return index.map_or(0.0, |index| within.probability(index));
-        }
-        let total: f64 = many.outside(lights, p).chain([within.irradiance()]).sum();
-        if total.is_nan() || total <= 0.0 {
-            return 0.0;
-        }
-        match index {
-            None => lights[emitter.light as usize].importance(p) / total,
-            Some(index) => within.irradiance() / total * within.probability(index),
-        }
+        let total: f64 = lights.iter().map(|light| light.importance(p)).sum();
+        if total > 0.0 { lights[emitter.light as usize].importance(p) / total } else { 0.0 }
     }
 
     /// What draws emitters for pieces of rays, where there are many.
@@ -151,6 +130,38 @@ impl Emitters {
 }
 
 impl Many {
+    /// As [`Emitters::draw`].
+    fn draw(&self, lights: &[Light], receiver: &Receiver, u: f64) -> Option<(Emitter, f64)> {
+        let within = self.tree.to_point(receiver);
+        if self.outside.is_empty() {
+            let (emitter, probability) = within.draw(u)?;
+            return Some((self.emitters[emitter as usize], probability));
+        }
+        let weights = || self.outside(lights, receiver.point).chain([within.irradiance()]);
+        let choice = choose(weights(), weights().sum(), u)?;
+        if let Some(&light) = self.outside.get(choice.index) {
+            return Some((Emitter { light, triangle: None }, choice.probability));
+        }
+        let (emitter, probability) = within.draw(choice.rest)?;
+        Some((self.emitters[emitter as usize], choice.probability * probability))
+    }
+
+    /// As [`Emitters::probability`].
+    fn probability(&self, lights: &[Light], emitter: Emitter, receiver: &Receiver) -> f64 {
+        let (within, index) = (self.tree.to_point(receiver), self.index(emitter));
+        if self.outside.is_empty() {
+            return index.map_or(0.0, |index| within.probability(index));
+        }
+        let total: f64 = self.outside(lights, receiver.point).chain([within.irradiance()]).sum();
+        if total.is_nan() || total <= 0.0 {
+            return 0.0;
+        }
+        match index {
+            None => lights[emitter.light as usize].importance(receiver.point) / total,
+            Some(index) => within.irradiance() / total * within.probability(index),
+        }
+    }
+
     fn triangle(&self, light: u32, primitive: u32) -> Option<u32> {
         self.emitters.get(self.first[light as usize] as usize)?.triangle.map(|_| primitive)
     }

@@ -11,6 +11,7 @@ pub struct Receiver {
 
 impl Receiver {
     /// A point that light reaches from all around: in a medium, or on a surface that lets light pass.
+    #[inline]
     pub fn around(point: DVec3) -> Self {
         Receiver { point, normal: DVec3::ZERO }
     }

@@ -262,6 +262,7 @@ impl Bsdf {
     }
 
     /// Whether it is not the same when turned about the normal.
+    #[inline]
     pub fn is_anisotropic(&self) -> bool {
         match self {
             Bsdf::Reflector(reflector) => reflector.is_anisotropic(),

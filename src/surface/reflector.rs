@@ -98,6 +98,7 @@ impl Reflector {
         }
     }
 
+    #[inline]
     pub(super) fn is_anisotropic(&self) -> bool {
         match self {
             Reflector::Conductor(conductor) => conductor.roughness[0] != conductor.roughness[1],

@@ -100,6 +100,7 @@ impl Flight {
     }
 
     /// The density per length with which [`Flight::draw_distance`] draws `t`.
+    #[inline]
     pub fn distance_density(&self, to: DVec3, t: f64) -> f64 {
         let seen = self.seen_from(to);
         if seen.angle > 0.0 { seen.density(t) } else { 0.0 }

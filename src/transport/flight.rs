@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 
 use crate::math::{Ray, Rgb, Stream, choose, shares};
 use crate::medium::Medium;
+use crate::medium::density::Grid;
 
 /// How far light flies in an even medium, drawn before surfaces are looked for: through dense media flights end long before the far
 /// side of a solid.
@@ -100,8 +101,31 @@ pub fn end(medium: &Medium, ray: &Ray, (a, b): (f64, f64), target: f64, weight: 
 ///
 /// `emission` is called for what is emitted on the way: with a parameter, and the weight that the emitted
 /// radiance per length has there, in expectation over the whole flight.
+#[inline]
 pub fn fly(
     medium: &Medium,
+    ray: &Ray,
+    range: (f64, f64),
+    weight: &mut Rgb,
+    stream: &mut Stream,
+    tally: &mut Tally,
+    emission: impl FnMut(f64, Rgb),
+) -> Option<f64> {
+    match medium.density.voxels() {
+        Some(grid) => track(medium, grid, ray, range, weight, stream, tally, emission),
+        None => {
+            let target = draw(medium, *weight, stream);
+            end(medium, ray, range, target, weight)
+        }
+    }
+}
+
+/// A flight through voxels: delta tracking under local majorants (Woodcock et al. 1965; per channel as in Kutz et al. 2017).
+/// Where they promise long work, the density itself is the majorant: its depth is known cell by cell.
+#[allow(clippy::too_many_arguments, reason = "those of `fly`")]
+fn track(
+    medium: &Medium,
+    grid: &Grid,
     ray: &Ray,
     (a, b): (f64, f64),
     weight: &mut Rgb,
@@ -109,13 +133,6 @@ pub fn fly(
     tally: &mut Tally,
     mut emission: impl FnMut(f64, Rgb),
 ) -> Option<f64> {
-    let Some(grid) = medium.density.voxels() else {
-        let target = draw(medium, *weight, stream);
-        return end(medium, ray, (a, b), target, weight);
-    };
-
-    // Delta tracking under local majorants (Woodcock et al. 1965; per channel as in Kutz et al. 2017). Where they
-    // promise long work, the density itself is the majorant: its depth is known cell by cell.
     let sigma = medium.extinction;
     let largest = sigma.max_element();
     let mut collision = None;

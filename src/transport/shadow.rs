@@ -56,6 +56,7 @@ impl ShadowRay {
     /// amount to. Both ends are put off along their normals: had the ray kept its direction from another start, it would meet
     /// the light's surface early, by more than any share of its length if the start is rounded coarsely, as far
     /// away from the camera, and the light is near.
+    #[inline]
     pub fn new(start: DVec3, point: DVec3, direction: DVec3, distance: f64, normal: DVec3) -> Self {
         if distance.is_infinite() {
             return ShadowRay { ray: Ray::new(start, direction), length: distance };

@@ -45,6 +45,7 @@ pub struct Interaction {
 
 impl Interaction {
     /// A ray that leaves along `direction`, and the solids around its start.
+    #[inline]
     pub fn departure(&self, direction: DVec3) -> (Ray, Inside) {
         let normal = self.incidence.normal;
         let offset = if direction.dot(normal) >= 0.0 { self.offset } else { -self.offset };
@@ -52,6 +53,7 @@ impl Interaction {
     }
 
     /// What happened to what went on so.
+    #[inline]
     pub fn event(&self, onward: &Onward) -> Event {
         let through = onward.direction.dot(self.incidence.normal) < 0.0;
         match (onward.density > 0.0, through) {
@@ -63,6 +65,7 @@ impl Interaction {
     }
 
     /// The solids on the side that `direction` points to.
+    #[inline]
     pub fn around(&self, direction: DVec3) -> &Inside {
         if direction.dot(self.incidence.normal) >= 0.0 { &self.before } else { &self.after }
     }

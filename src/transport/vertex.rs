@@ -39,6 +39,7 @@ pub enum Vertex<'v> {
 
 impl Vertex<'_> {
     /// Its point.
+    #[inline]
     pub fn point(&self) -> DVec3 {
         match self {
             Vertex::Surface(at) => at.point,
@@ -47,6 +48,7 @@ impl Vertex<'_> {
     }
 
     /// Who asks for light here: where a surface only reflects, it gets none from beyond.
+    #[inline]
     pub fn receiver(&self) -> Receiver {
         match self {
             Vertex::Surface(at) if at.bsdf.boundary(&at.incidence).is_none() => {
@@ -57,6 +59,7 @@ impl Vertex<'_> {
     }
 
     /// What happened to what went on so.
+    #[inline]
     pub fn event(&self, onward: &Onward) -> Event {
         match self {
             Vertex::Surface(at) => at.event(onward),
@@ -65,6 +68,7 @@ impl Vertex<'_> {
     }
 
     /// How it spreads light.
+    #[inline]
     pub fn nature(&self) -> Nature {
         match self {
             Vertex::Surface(at) => at.bsdf.nature(),
@@ -73,6 +77,7 @@ impl Vertex<'_> {
     }
 
     /// The share of light that is not absorbed.
+    #[inline]
     pub fn albedo(&self) -> Rgb {
         match self {
             Vertex::Surface(at) => at.bsdf.albedo(&at.incidence),
@@ -82,6 +87,7 @@ impl Vertex<'_> {
 
     /// Tells `part` what goes on along `o`, part by part: see [`Bsdf::toward`](crate::surface::Bsdf::toward). A medium
     /// sends one part: albedo times phase function, the density of which is the phase function.
+    #[inline]
     pub fn toward(
         &self,
         o: DVec3,

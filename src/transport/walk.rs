@@ -177,7 +177,7 @@ impl<'s> Walk<'s> {
             self.t = end;
             let after = self.scene.cross(&self.inside, &self.cluster, self.ray.direction);
             if let Some((hit, bsdf, relief)) = self.bsdf(&after, visitor) {
-                return Stop::Surface(self.interaction(hit, bsdf, relief, after));
+                return self.stop(hit, &bsdf, relief, after);
             }
             self.crossed = self.cluster.hits().last().map_or(end, |hit| hit.t) + error_bound(&self.ray, end);
             self.inside = after;
@@ -186,25 +186,25 @@ impl<'s> Walk<'s> {
 
     /// What the surfaces at one place do together: an opaque one decides; else a change of index.
     #[inline]
-    fn bsdf<V: Visitor>(&self, after: &Inside, visitor: &mut V) -> Option<(Hit, Bsdf, Option<u32>)> {
+    fn bsdf<V: Visitor>(&self, after: &Inside, visitor: &mut V) -> Option<(&Hit, Bsdf, Option<u32>)> {
         let scene = self.scene;
         let mut boundary = None;
         for hit in self.cluster.hits() {
             let surface = &scene.surfaces[hit.id as usize];
-            match surface.material {
-                Material::Opaque(bsdf) => return Some((*hit, self.painted(hit, bsdf, surface.paint), surface.paint)),
+            match &surface.material {
+                Material::Opaque(bsdf) => return Some((hit, self.painted(hit, *bsdf, surface.paint), surface.paint)),
                 Material::Mixture(_) => {
                     if let Some((bsdf, relief)) = self.mixture(hit, visitor) {
-                        return Some((*hit, bsdf, relief));
+                        return Some((hit, bsdf, relief));
                     }
                 }
-                Material::Dielectric(dielectric) if boundary.is_none() => boundary = Some((*hit, dielectric.roughness)),
+                Material::Dielectric(dielectric) if boundary.is_none() => boundary = Some((hit, dielectric.roughness)),
                 Material::Dielectric(_) | Material::None => {}
             }
         }
         let (hit, alpha) = boundary?;
         let paint = scene.surfaces[hit.id as usize].paint;
-        let alpha = self.paint(&hit, paint).map_or(alpha, |(paint, at)| paint.number(Parameter::Roughness, alpha, &at));
+        let alpha = self.paint(hit, paint).map_or(alpha, |(paint, at)| paint.number(Parameter::Roughness, alpha, &at));
         let (from, to) = (scene.index(&self.inside), scene.index(after));
         let bsdf = if alpha > 0.0 { Bsdf::Rough(Rough { from, to, alpha }) } else { Bsdf::Smooth(Smooth { from, to }) };
         (from != to).then_some((hit, bsdf, paint))
@@ -258,17 +258,17 @@ impl<'s> Walk<'s> {
         TexturePoint { uv: hit.uv, object, footprint }
     }
 
-    #[inline]
-    fn interaction(&self, hit: Hit, bsdf: Bsdf, relief: Option<u32>, after: Inside) -> Interaction {
+    /// Stops where light meets this. What is large is written once: into what is returned.
+    fn stop<E>(&self, hit: &Hit, bsdf: &Bsdf, relief: Option<u32>, after: Inside) -> Stop<E> {
         let direction = self.ray.direction;
         let (mut shading_normal, mut tangent) = (hit.shading_normal, DVec3::ZERO);
 
         // What depends on the directions of u and v.
         let turns = |paint: &u32| self.scene.paints[*paint as usize].relief.is_some();
-        let relief = self.paint(&hit, relief.filter(turns));
+        let relief = self.paint(hit, relief.filter(turns));
         if relief.is_some() || bsdf.is_anisotropic() {
-            let object = self.scene.geometry.object_point(&self.ray, &hit);
-            let tangents = self.scene.geometry.tangents(&hit, object);
+            let object = self.scene.geometry.object_point(&self.ray, hit);
+            let tangents = self.scene.geometry.tangents(hit, object);
             tangent = tangents[1][0];
             if let Some((paint, at)) = relief {
                 shading_normal = paint.normal(shading_normal, tangents, &at);
@@ -281,15 +281,15 @@ impl<'s> Walk<'s> {
         if shading_normal.dot(direction) >= 0.0 {
             shading_normal = facing * hit.normal;
         }
-        Interaction {
+        Stop::Surface(Interaction {
             point: self.ray.at(hit.t),
             incidence: Incidence { direction, normal: facing * hit.normal, shading_normal, tangent },
             t: hit.t,
-            bsdf,
+            bsdf: *bsdf,
             offset: 4.0 * error_bound(&self.ray, hit.t),
             before: self.inside.clone(),
             after,
-        }
+        })
     }
 
     /// Turns into `direction` at parameter `t` of its line, in the open.
