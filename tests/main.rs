@@ -27,3 +27,4 @@ mod subsurface;
 mod three_methods;
 mod vdb;
 mod walls;
+mod whitted;
