@@ -28,3 +28,4 @@ mod subsurface;
 mod three_methods;
 mod vdb;
 mod walls;
+mod whitted;

@@ -149,6 +149,7 @@ rotate = 45
 [render]
 method = "path"
 samples = 8
+light_samples = 4
 passes = 3
 seed = 18446744073709551615
 max_depth = 3
@@ -289,7 +290,10 @@ fn every_key_is_read_as_the_manual_says() {
     };
     assert_eq!((file.value.as_path(), *scale, *rotate), (Path::new("scenes/sky.hdr"), Rgb::splat(2.0), 45.0));
 
-    assert_eq!(scene.render, Render { method: Method::Path, samples: 8, passes: 3, seed: u64::MAX, max_depth: 3 });
+    assert_eq!(
+        scene.render,
+        Render { method: Method::Path, samples: 8, light_samples: 4, passes: 3, seed: u64::MAX, max_depth: 3 }
+    );
     assert_eq!(scene.photons, Photons { volume: Some(1000), global: None, caustic: None, max_emitted: 2000 });
     let volume = Volume {
         estimate: Estimate::Point,
@@ -311,7 +315,10 @@ fn a_camera_is_enough() {
     assert_eq!((scene.film.width, scene.film.height, scene.film.filter), (640, 480, Filter::Box));
     assert_eq!((scene.film.exposure, scene.film.tone_map), (None, ToneMap::Filmic));
     assert_eq!((scene.camera.up, scene.camera.fov, scene.camera.focus_distance), (DVec3::Y, 40.0, 4.0));
-    assert_eq!(scene.render, Render { method: Method::Photon, samples: 16, passes: 1, seed: 1, max_depth: 0 });
+    assert_eq!(
+        scene.render,
+        Render { method: Method::Photon, samples: 16, light_samples: 1, passes: 1, seed: 1, max_depth: 0 }
+    );
     assert_eq!((scene.volume.kernel, scene.volume.estimate), (Kernel::Variable, Estimate::Beam));
     assert_eq!(scene.volume.march, None);
     assert_eq!((scene.photons.volume, scene.photons.max_emitted), (None, 50_000_000));
@@ -392,6 +399,9 @@ const MISTAKES: &[(&str, &str, &str)] = &[
     ("[film]\nheight = ‸-1\n", "film.height", "found -1"),
     ("[film]\nwidth = ‸100000\nheight = 100000\n", "film.width", "100000 × 100000 pixels take 112 GiB"),
     ("[render]\nsamples = ‸0\n", "render.samples", "found 0"),
+    ("[render]\nlight_samples = ‸0\n", "render.light_samples", "found 0; expected an integer from 1 to 4096"),
+    ("[render]\nlight_samples = ‸-1\n", "render.light_samples", "found -1; expected an integer from 1 to 4096"),
+    ("[render]\nlight_samples = ‸5000\n", "render.light_samples", "found 5000; expected an integer from 1 to 4096"),
     ("[render]\nseed = ‸-1\n", "render.seed", "found -1"),
     ("[media.a]\nsigma_s = ‸-0.5\n", "media.a.sigma_s", "found -0.5; expected a finite number of at least 0"),
     ("[media.a]\nsigma_s = [1, 2, ‸nan]\n", "media.a.sigma_s.2", "found nan"),

@@ -81,6 +81,23 @@ pub struct Stream {
     left: u16,
     /// Those that the next draws take, within [`Stream::draw`].
     open: u16,
+    /// How often the point was moved on for further draws of lights.
+    moved: u32,
+}
+
+/// What a point of a stream held before lights were drawn: see [`Stream::again`].
+#[derive(Clone, Copy, Debug)]
+pub struct Mark(u16);
+
+/// How far a light's dimensions move on with every further draw, as shares of 2³²: the choice by the golden ratio's fraction, the place
+/// on it by the lattice that is its like in two dimensions (Roberts 2018, "The unreasonable effectiveness of quasirandom sequences").
+const fn step(dimension: u32) -> u32 {
+    match dimension {
+        5 => 0xc13f_a9a9,
+        6 => 0x91e1_0da6,
+        11 => 0x9e37_79b9,
+        _ => 0,
+    }
 }
 
 /// SplitMix64's finaliser (Steele, Lea and Flood 2014): every input bit changes half of the output bits.
@@ -169,7 +186,7 @@ impl Stream {
         let mut bytes = [0; 16];
         bytes[..8].copy_from_slice(&low.to_le_bytes());
         bytes[8..].copy_from_slice(&high.to_le_bytes());
-        Stream { random: Pcg64Mcg::from_seed(bytes), point: [0; DIMENSIONS], key: 0, left: 0, open: 0 }
+        Stream { random: Pcg64Mcg::from_seed(bytes), point: [0; DIMENSIONS], key: 0, left: 0, open: 0, moved: 0 }
     }
 
     /// The stream of sample `sample` of a pass through a pixel; `number` counts the samples of all passes. Whatever
@@ -211,6 +228,18 @@ impl Stream {
         drawn
     }
 
+    /// Where [`Stream::again`] begins.
+    pub fn mark(&self) -> Mark {
+        Mark(self.left)
+    }
+
+    /// Makes the next draw of a light the `number`-th of several since `mark`. Each is uniform by itself; together they are spread over
+    /// the lights as evenly as over a sample's siblings.
+    pub fn again(&mut self, mark: Mark, number: u32) {
+        self.left |= mark.0 & (Dimension::Light.bits() | Dimension::LightChoice.bits());
+        self.moved = number;
+    }
+
     fn bits(&mut self) -> u64 {
         let random = self.random.next_u64();
         if self.open == 0 {
@@ -223,6 +252,7 @@ impl Stream {
         let key = mix(self.key ^ dimension as u64);
         // The hash alone is not quite uniform over its keys; the shift makes each number exactly so.
         let x = scramble(self.point[dimension as usize], key as u32) ^ (key >> 32) as u32;
+        let x = x.wrapping_add(self.moved.wrapping_mul(step(dimension)));
         (x as u64) << 32 | random >> 32
     }
 

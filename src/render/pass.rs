@@ -206,7 +206,7 @@ impl<P: Progress> Renderer<'_, P> {
     fn pass(&mut self, pass: u32) -> bool {
         let own;
         let maps = match (self.plan.method, self.shared) {
-            (Method::Path | Method::Light, _) => None,
+            (Method::Path | Method::Light | Method::Whitted, _) => None,
             (Method::Photon, Some(shared)) => Some(shared),
             (Method::Photon, None) => {
                 own = self.maps(pass);
@@ -217,8 +217,8 @@ impl<P: Progress> Renderer<'_, P> {
             Some(Some(VolumeMap::Beams(maps))) => Mode::Gather(maps),
             Some(Some(VolumeMap::Points(maps))) => Mode::March(maps),
             Some(None) => Mode::Pass,
-            // What light paths do not bring: emitters, and what media emit.
-            None if self.plan.method == Method::Light => Mode::Pass,
+            // Light paths bring all but emitters, and what media emit; Whitted's rays see no more of media.
+            None if matches!(self.plan.method, Method::Light | Method::Whitted) => Mode::Pass,
             None if self.plan.split => Mode::Split,
             None => Mode::Track,
         };

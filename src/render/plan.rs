@@ -63,6 +63,8 @@ pub struct Plan {
     pub parts: u32,
     /// Camera samples per pixel and part; of [`Method::Light`] as many light paths, too.
     pub samples: u32,
+    /// Shadow rays for each question for light at the first event, if that is at a surface.
+    pub light_samples: u32,
     /// The solids around the camera, where they are the same for all of its lens.
     pub inside: Option<Inside>,
 }
@@ -138,7 +140,7 @@ impl Plan {
         // How long walks are, and whether they end.
         let max_events = Events::of_max_depth(render.max_depth);
         let pilot = Pilot { scene, camera, seed: render.seed };
-        if !max_events.is_limited() {
+        if !max_events.is_limited() && render.method != Method::Whitted {
             pilot.refuse_eternity()?;
         }
 
@@ -188,12 +190,16 @@ impl Plan {
             max_events,
             single_scattering: match render.method {
                 Method::Photon => volume.single_scattering,
-                Method::Path | Method::Light => SingleScattering::Photons,
+                Method::Path | Method::Light | Method::Whitted => SingleScattering::Photons,
             },
             volume_photons: if photons > 0 { (photons / parts as u64).max(1) } else { 0 },
             caustic_photons: caustic_photons(scene, settings).div_ceil(u64::from(parts)),
             caustics: (ball(caustic_radius), surface.filter),
-            indirect: if render.method == Method::Photon { surface.indirect } else { Indirect::Path },
+            indirect: match render.method {
+                Method::Photon => surface.indirect,
+                Method::Whitted => Indirect::None,
+                Method::Path | Method::Light => Indirect::Path,
+            },
             global_photons: global_photons.div_ceil(u64::from(parts)),
             global: GlobalSettings {
                 ball: ball(max_radius),
@@ -226,6 +232,7 @@ impl Plan {
             parts,
             profile: profile(volume.profile, Profile::Biweight),
             samples: render.samples.div_ceil(parts),
+            light_samples: render.light_samples,
             inside,
         };
         if volume.estimate == Estimate::Point {

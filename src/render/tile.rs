@@ -77,6 +77,8 @@ impl<P: Progress> Renderer<'_, P> {
             marchers: traced.as_deref(),
             caustics: maps.and_then(|maps| maps.caustic.as_ref()),
             indirect: indirect(&self.plan, maps.and_then(|maps| maps.global.as_ref())),
+            light_samples: self.plan.light_samples,
+            whitted: self.plan.method == Method::Whitted,
             spread: self.camera.pixel() * footprint(self.plan.samples),
         };
         let mut eye = Eye::new(self.scene, settings);

@@ -250,16 +250,26 @@ fn world(table: &Table, names: &Names) -> Read<World> {
     Ok(World { medium: medium?, unit: unit? })
 }
 
+/// Shadow rays beyond this are a mistake rather than a wish.
+const MOST_LIGHT_SAMPLES: i128 = 4096;
+
 fn render(table: &Table) -> Read<Render> {
-    let method = table.get_or("method", Method::Photon, |item| {
-        item.choice(&[Method::Photon, Method::Path, Method::Light].map(|method| (method.name(), method)), &[])
-    });
+    let method = table
+        .get_or("method", Method::Photon, |item| item.choice(&Method::ALL.map(|method| (method.name(), method)), &[]));
     let samples = table.get_or("samples", 16, |item| item.u32(1));
+    let light_samples = table.get_or("light_samples", 1, |item| item.integer(1, MOST_LIGHT_SAMPLES));
     let passes = table.get_or("passes", 1, |item| item.u32(1));
     let seed = table.get_or("seed", 1, |item| item.u64(0));
     let max_depth = table.get_or("max_depth", 0, |item| item.u32(0));
     table.finish()?;
-    Ok(Render { method: method?, samples: samples?, passes: passes?, seed: seed?, max_depth: max_depth? })
+    Ok(Render {
+        method: method?,
+        samples: samples?,
+        light_samples: light_samples?,
+        passes: passes?,
+        seed: seed?,
+        max_depth: max_depth?,
+    })
 }
 
 fn photons(table: &Table) -> Read<Photons> {

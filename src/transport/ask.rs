@@ -38,6 +38,11 @@ impl Asked {
         Some(Asked { emitter, arrival, density: choice * arrival.density })
     }
 
+    /// One of `count` such draws, which share with each other.
+    pub fn of(self, count: u32) -> Asked {
+        Asked { density: f64::from(count) * self.density, ..self }
+    }
+
     /// The radiance to be multiplied by a vertex's value: its part by the balance heuristic over the density it was drawn with, which
     /// is 1/Σp. `met` is the density with which a path would meet the light by chance, `others` that of further ways.
     pub fn over(&self, met: Rgb, others: f64) -> Rgb {
@@ -82,12 +87,12 @@ pub enum Turn {
 }
 
 impl Turn {
-    /// The part of light that was met by chance on a shape that shines.
-    pub fn share_of_crossing(&self, scene: &Scene, crossing: &Crossing<'_>) -> f64 {
+    /// The part of light that was met by chance on a shape that shines, where surfaces were asked for light `count` times.
+    pub fn share_of_crossing(&self, scene: &Scene, crossing: &Crossing<'_>, count: u32) -> f64 {
         match self {
             Turn::Specular => 1.0,
             Turn::Surface { receiver, density, .. } => {
-                balance(*density, density_of_crossing(scene, crossing, receiver))
+                balance(*density, f64::from(count) * density_of_crossing(scene, crossing, receiver))
             }
             Turn::Medium { point, density, landing } => {
                 let asked = density_of_crossing(scene, crossing, &Receiver::around(*point));
@@ -96,16 +101,18 @@ impl Turn {
         }
     }
 
-    /// The part of what was met by chance of light `index`, which shines from infinity along `direction`.
-    pub fn share_of_escape(&self, scene: &Scene, index: u32, direction: DVec3) -> f64 {
-        let (receiver, density) = match self {
+    /// The part of what was met by chance of light `index`, which shines from infinity along `direction`, where surfaces were asked
+    /// for light `count` times.
+    pub fn share_of_escape(&self, scene: &Scene, index: u32, direction: DVec3, count: u32) -> f64 {
+        let (receiver, density, count) = match self {
             Turn::Specular => return 1.0,
-            Turn::Surface { receiver, density, .. } => (*receiver, *density),
-            Turn::Medium { point, density, .. } => (Receiver::around(*point), *density),
+            Turn::Surface { receiver, density, .. } => (*receiver, *density, count),
+            Turn::Medium { point, density, .. } => (Receiver::around(*point), *density, 1),
         };
         let light = &scene.lights[index as usize];
         let emitter = Emitter { light: index, triangle: None };
-        balance(density, scene.light_choice(emitter, &receiver) * light.escaping_density(direction))
+        let asked = scene.light_choice(emitter, &receiver) * light.escaping_density(direction);
+        balance(density, f64::from(count) * asked)
     }
 
     /// Who else sends a path the light of a glowing medium: points of it, of which `count` were asked for light.
@@ -188,7 +195,7 @@ intensity = 0.7
         fn crossing(&mut self, crossing: &Crossing<'_>) {
             let Light::Area(area) = &self.scene.lights[crossing.light as usize] else { return };
             let radiance = area.radiance(crossing.hit.normal, -crossing.ray.direction).x;
-            self.found += radiance * self.turn.share_of_crossing(self.scene, crossing);
+            self.found += radiance * self.turn.share_of_crossing(self.scene, crossing, 1);
         }
     }
 
@@ -241,7 +248,7 @@ intensity = 0.7
                     for (index, light) in scene.lights.iter().enumerate() {
                         let radiance = light.escaping(onward.direction).x;
                         if radiance > 0.0 {
-                            let share = meeting.turn.share_of_escape(&scene, index as u32, onward.direction);
+                            let share = meeting.turn.share_of_escape(&scene, index as u32, onward.direction, 1);
                             meeting.found += radiance * share;
                         }
                     }

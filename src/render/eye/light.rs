@@ -24,6 +24,11 @@ impl Looking<'_, '_, '_> {
         if self.eye.has_photons() && events == 1 { EMBERS } else { 1 }
     }
 
+    /// How many shadow rays ask for light at the surface where a path turned last.
+    fn shadow_rays(&self, events: u64) -> u32 {
+        if events == 1 { self.eye.settings.light_samples } else { 1 }
+    }
+
     /// Asks for light where a path turns: of glowing media, where it turns diffusely, and straight from a light. `both`: it will
     /// follow both lobes of a boundary. `landing`: how the collision was drawn, in a medium.
     pub(super) fn ask(&mut self, at: Vertex<'_>, luggage: &Luggage<Path>, both: bool, landing: Option<&Landing>) {
@@ -32,7 +37,17 @@ impl Looking<'_, '_, '_> {
                 self.ask_glow(at, luggage);
             }
         }
-        self.ask_light(at, luggage, both, landing);
+        let count = self.shadow_rays(luggage.events);
+        match at {
+            Vertex::Surface(_) if count > 1 => {
+                let mark = self.context.stream.mark();
+                for number in 0..count {
+                    self.context.stream.again(mark, number);
+                    self.ask_light(at, luggage, both, landing, count);
+                }
+            }
+            _ => self.ask_light(at, luggage, both, landing, 1),
+        }
     }
 
     /// Light of a point of a glowing medium.
@@ -51,10 +66,18 @@ impl Looking<'_, '_, '_> {
         }
     }
 
-    /// Light straight from a light.
-    pub(super) fn ask_light(&mut self, at: Vertex<'_>, luggage: &Luggage<Path>, both: bool, landing: Option<&Landing>) {
+    /// Light straight from a light, by one of `count` shadow rays.
+    pub(super) fn ask_light(
+        &mut self,
+        at: Vertex<'_>,
+        luggage: &Luggage<Path>,
+        both: bool,
+        landing: Option<&Landing>,
+        count: u32,
+    ) {
         let (scene, stream) = (self.eye.scene, &mut *self.context.stream);
         let Some(asked) = Asked::draw(scene, &at.receiver(), stream) else { return };
+        let asked = asked.of(count);
         let Asked { emitter, arrival, .. } = asked;
 
         // Who else might have found it: the path by chance, and in media the equiangular draw of the collision.
@@ -85,7 +108,7 @@ impl Looking<'_, '_, '_> {
     /// chance, which wide lights and sharp phase functions need.
     pub(super) fn light_once(&mut self, at: &Collision<'_>, mut luggage: Luggage<Path>, landing: Landing) {
         let scene = self.eye.scene;
-        self.ask_light(Vertex::Medium(at), &luggage, false, Some(&landing));
+        self.ask_light(Vertex::Medium(at), &luggage, false, Some(&landing), 1);
         if self.eye.straight_on() || !self.eye.lights_have_size {
             return;
         }
@@ -183,7 +206,8 @@ impl Looking<'_, '_, '_> {
         let Light::Area(area) = &self.eye.scene.lights[crossing.light as usize] else { return };
         let radiance = area.radiance(crossing.hit.normal, -crossing.ray.direction);
         if radiance.max_element() > 0.0 {
-            let share = luggage.own.turn.share_of_crossing(self.eye.scene, crossing);
+            let count = self.shadow_rays(luggage.events);
+            let share = luggage.own.turn.share_of_crossing(self.eye.scene, crossing, count);
             let component = luggage.own.component(luggage.events, true);
             self.sample.radiance[component as usize] += luggage.weight * radiance * share;
         }
@@ -195,10 +219,11 @@ impl Looking<'_, '_, '_> {
             return;
         }
         let component = luggage.own.component(luggage.events, true) as usize;
+        let count = self.shadow_rays(luggage.events);
         for &index in self.eye.scene.emitters.infinite() {
             let radiance = self.eye.scene.lights[index as usize].escaping(direction);
             if radiance.max_element() > 0.0 {
-                let share = luggage.own.turn.share_of_escape(self.eye.scene, index, direction);
+                let share = luggage.own.turn.share_of_escape(self.eye.scene, index, direction, count);
                 self.sample.radiance[component] += luggage.weight * radiance * share;
             }
         }

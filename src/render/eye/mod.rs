@@ -1,4 +1,4 @@
-//! Eye paths: radiance along a camera ray, by the unbiased path tracer or from photons.
+//! Eye paths: radiance along a camera ray, by the unbiased path tracer, from photons, or by Whitted's ray tracing.
 //!
 //! Both travel alike from surface to surface. They differ in the media between: a path either collides
 //! there by chance, or, where collisions are rare, splits into a part that does and one that does not;
@@ -61,6 +61,10 @@ pub struct EyeSettings<'s> {
     pub caustics: Option<&'s SurfaceMap>,
     /// Who tells what else diffuse surfaces send to one another.
     pub indirect: Indirect<'s>,
+    /// How many shadow rays ask for light at the first event, if that is at a surface.
+    pub light_samples: u32,
+    /// Whether paths end where they meet a surface after one that spread them: Whitted's ray tracing.
+    pub whitted: bool,
     /// How wide what textures are taken over is at distance 1 from the camera.
     pub spread: f64,
 }
@@ -347,6 +351,10 @@ impl<'s> Looking<'_, '_, 's> {
         luggage: &mut Luggage<Path>,
         parts: &mut Parts<'s, Path>,
     ) -> Option<Heading> {
+        // Whitted's paths were only to meet lights.
+        if self.eye.settings.whitted && matches!(luggage.own.turn, Turn::Surface { .. }) {
+            return None;
+        }
         let (vertex, nature) = (Vertex::Surface(at), at.bsdf.nature());
         let albedo = vertex.albedo();
 
@@ -583,6 +591,8 @@ radiance = 1
                 marchers: None,
                 caustics: None,
                 indirect: Indirect::Path,
+                light_samples: 1,
+                whitted: false,
                 spread: 0.0,
             };
             let eye = Eye::new(&scene, settings);

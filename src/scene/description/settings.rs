@@ -50,6 +50,8 @@ pub struct Render {
     pub method: Method,
     /// Camera samples per pixel and pass, at least 1; of [`Method::Light`] as many light paths, too.
     pub samples: u32,
+    /// Shadow rays for each question for light at the first surface of a camera ray that spreads light, at least 1.
+    pub light_samples: u32,
     /// Passes, each with fresh photons in narrower discs, at least 1.
     pub passes: u32,
     /// What all random numbers derive from.
@@ -68,15 +70,21 @@ pub enum Method {
     Path,
     /// The unbiased light tracer: paths from the lights, connected to the camera.
     Light,
+    /// Whitted's ray tracing: mirrors, glass, and light straight from lights, and no other.
+    Whitted,
 }
 
 impl Method {
+    /// All of them.
+    pub const ALL: [Method; 4] = [Method::Photon, Method::Path, Method::Light, Method::Whitted];
+
     /// What a scene file calls it.
     pub fn name(self) -> &'static str {
         match self {
             Method::Photon => "photon",
             Method::Path => "path",
             Method::Light => "light",
+            Method::Whitted => "whitted",
         }
     }
 }
