@@ -101,7 +101,9 @@ impl Looking<'_, '_, '_> {
             }
             _ => at.transmit(scene, (arrival.direction, arrival.distance, arrival.normal), &mut weight, stream),
         }
-        self.sample.radiance[luggage.own.component(luggage.events, true) as usize] += weight;
+        // It comes straight to here: what was mirrored before on the eye's side makes it no caustic.
+        let component = Component::of(luggage.own.first, luggage.events, true, false);
+        self.sample.radiance[component as usize] += weight;
     }
 
     /// Light straight from a light, scattered at a collision, the last event of its path: asked for, and met by
