@@ -57,14 +57,16 @@ target = [0, 1, 0]
 fov = 40
 "#;
 
-/// A rough, tiled floor, a varnished wall, a mirror and a ball of glass under fog and a round lamp, with a sky that shines in.
+/// A rough, tiled floor, a varnished wall, a mirror and a ball of glass in fog under a round lamp, with a sky that shines in.
 const MIXED: &str = r#"
-[world]
-medium = "fog"
 [media.fog]
 sigma_s = 0.06
 sigma_a = 0.02
-density = { type = "exponential", up = [0, 1, 0], scale_height = 2 }
+[[shapes]]
+type = "box"
+min = [-1.95, 0.01, -1.95]
+max = [1.85, 2.9, 1.95]
+interior = "fog"
 [materials.floor]
 type = "oren_nayar"
 reflectance = { texture = "checker", scale = 4, a = [0.7, 0.6, 0.4], b = 0.3 }
@@ -149,22 +151,22 @@ fn indirect_light_is_what_paths_find() {
 
 /// By `render.method=path` with 4096 samples, 16 seeds.
 const ROOM_BY_PATHS: ([f64; 3], [f64; 3]) = ([0.358_373, 0.307_892, 0.307_127], [2.6e-5, 1.9e-5, 1.9e-5]);
-const MIXED_BY_PATHS: ([f64; 3], [f64; 3]) = ([0.434_542, 0.473_669, 0.510_986], [4.9e-5, 4.8e-5, 4.5e-5]);
+const MIXED_BY_PATHS: ([f64; 3], [f64; 3]) = ([0.456_988, 0.498_696, 0.540_907], [4.4e-5, 4.5e-5, 4.0e-5]);
 
 /// In a closed box that shines and reflects a part a of what arrives, L = L_e/(1 − a) everywhere: in its corners, too.
 #[test]
 fn furnaces_are_even() {
     let mut checks = Checks::default();
-    for albedo in [0.5, 0.9] {
+    for (albedo, seeds) in [(0.5, 4), (0.9, 12)] {
         let text = format!(
             "{FILM}[materials.wall]\ntype = \"lambert\"\nreflectance = {albedo}\n[[shapes]]\ntype = \"box\"\nmin = [-1, -1, -1]\n\
              max = [1, 1, 2]\nmaterial = \"wall\"\nemission = {{ radiance = 1, side = \"in\" }}\n\
              [camera]\nposition = [0.2, 0.1, 1.8]\ntarget = [0, 0, 0]\nfov = 80\n"
         );
         for (way, set) in WAYS {
-            let mut overrides = vec!["photons.global=100_000", "render.samples=16"];
+            let mut overrides = vec!["photons.global=60_000", "render.samples=16"];
             overrides.extend(*set);
-            let found = Estimate::of(3, &text, &overrides);
+            let found = Estimate::of(seeds, &text, &overrides);
             let expected = Estimate { mean: [1.0 / (1.0 - albedo); 3], standard_error: [0.0; 3] };
             checks.agree(&format!("{albedo}, {way}"), &found, &expected, 0.01, 0.005);
         }
@@ -172,7 +174,7 @@ fn furnaces_are_even() {
     checks.finish();
 }
 
-/// Behind a wall without thickness it is as dark as dark can be, and so is the side of a sheet that no light reaches.
+/// Behind a wall without thickness it is dark: less than a millionth of what is lit comes there.
 #[test]
 fn no_light_leaks_through_a_sheet() {
     let text = format!(
@@ -184,7 +186,8 @@ fn no_light_leaks_through_a_sheet() {
     for (way, set) in WAYS {
         let mut overrides = vec!["photons.global=50_000"];
         overrides.extend(*set);
-        let image = render(&text, &overrides).film.image();
-        assert_eq!(image.channel_means(), [0.0; 3], "{way}");
+        let leaked = render(&text, &overrides).film.image().channel_means();
+        let lit = render(&text.replace("[-0.2, 0.3, 0]", "[0.2, 0.3, 0]"), &overrides).film.image().channel_means();
+        assert!(leaked[0] <= 1e-6 * lit[0], "{way}: {leaked:?} of {lit:?}");
     }
 }

@@ -314,6 +314,7 @@ struct Gather {
     queries: u64,
     tested: u64,
     gathered: u64,
+    records: u64,
 }
 
 #[derive(Serialize)]
@@ -358,6 +359,7 @@ impl Report {
                 queries: stats.gather.queries,
                 tested: stats.gather.blocks * 16,
                 gathered: stats.gather.photons,
+                records: stats.records,
             },
             bytes: Bytes {
                 peak: peak_bytes(),

@@ -1,8 +1,8 @@
 //! Radiance that surfaces reflect of all light, from the global photon map.
 
-use super::surface::SurfaceMap;
-use crate::math::{Rgb, Stream};
-use crate::photon::{Ball, Photon, PointMap, PointMemory, PointSettings};
+use super::surface::{Place, SurfaceMap, are_one};
+use crate::math::{Rgb, Stream, Vec3};
+use crate::photon::{Ball, Load, Photon, PointMap, PointMemory, PointSettings};
 use crate::scene::Scene;
 use crate::scene::description::SurfaceFilter;
 use crate::transport::{Events, Interaction};
@@ -22,7 +22,7 @@ pub struct GlobalMap {
 const CANDIDATES: u32 = 6;
 /// A precomputed irradiance counts where the normals have at least this cosine,
 const FACING: f32 = 0.9;
-/// and it lies no higher above the tangent plane than this share of its distance and a tenth of the radius it was averaged over.
+/// and it lies no higher above the tangent plane than this share of its distance.
 const HIGHEST: f32 = 0.3;
 
 /// What one thread keeps from look-up to look-up.
@@ -54,7 +54,8 @@ impl GlobalMap {
         let photons = SurfaceMap::build(scene, photons, ball, filter, scale);
         let irradiances = (!places.is_empty()).then(|| {
             let nearest = Ball::Nearest { neighbours: CANDIDATES, max_radius };
-            let settings = PointSettings { normals: true, boundaries: false, ..PointSettings::new(nearest) };
+            let settings =
+                PointSettings { tagged: true, normals: true, boundaries: false, ..PointSettings::new(nearest) };
             PointMap::build(photons.irradiances(scene, &places), &settings, &|_, _| 0.0)
         });
         GlobalMap { blur: photons.mean_radius(), photons, irradiances }
@@ -88,7 +89,7 @@ impl GlobalMap {
         if rough
             && !most.is_limited()
             && let Some(reflectance) = at.bsdf.lambertian()
-            && let Some(irradiance) = self.nearest_irradiance(at, memory)
+            && let Some(irradiance) = self.nearest_irradiance(scene, at, memory)
         {
             return reflectance * irradiance / PI;
         }
@@ -96,7 +97,7 @@ impl GlobalMap {
     }
 
     /// The precomputed irradiance nearest to a place, among those on its surface.
-    fn nearest_irradiance(&self, at: &Interaction, memory: &mut GlobalMemory) -> Option<Rgb> {
+    fn nearest_irradiance(&self, scene: &Scene, at: &Interaction, memory: &mut GlobalMemory) -> Option<Rgb> {
         let map = self.irradiances.as_ref()?;
         if !map.bounds().contains(at.point) {
             return None;
@@ -116,8 +117,15 @@ impl GlobalMap {
                 }
             }
         }
+        // Not from farther than it is an average over, nor from behind a wall.
         let (block, lane) = nearest.1?;
-        let power = &map.loads[block].power;
+        let Load { power, direction } = &map.loads[block];
+        let radius = Vec3::from(direction.each_ref().map(|row| row.0[lane])).length();
+        let place = Place { point: at.point, normal: at.incidence.normal };
+        let aside = || (map.place(block, lane) - x).as_dvec3();
+        if nearest.0 > radius * radius || map.events[block][lane] != 0 && !are_one(scene, place, aside()) {
+            return None;
+        }
         Some(Rgb::new(power[0].0[lane].into(), power[1].0[lane].into(), power[2].0[lane].into()))
     }
 }

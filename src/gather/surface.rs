@@ -1,6 +1,6 @@
 //! Radiance that a surface reflects, from photons that landed around.
 
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
 
 use rayon::prelude::*;
 
@@ -9,7 +9,7 @@ use crate::photon::simd::{LANES, Row};
 use crate::photon::{Ball, PackedNormal, Photon, PointMap, PointMemory, PointSettings};
 use crate::scene::Scene;
 use crate::scene::description::SurfaceFilter;
-use crate::surface::{Material, Side};
+use crate::surface::{Material, Scattering, Side};
 use crate::transport::{Events, Interaction, Vertex};
 
 /// Photons that landed on surfaces.
@@ -17,7 +17,7 @@ use crate::transport::{Events, Interaction, Vertex};
 /// The radiance estimate (Jensen 2001, Eq. 7.8): L(x, ω) = Σ f(x, ω_p → ω) Φ_p k(d/r)/(s π r²) over photons within r of x, where r is the
 /// distance of the n-th nearest, or the cap, or fixed. Balls are flattened: photons count that lie near the tangent plane at x, on
 /// surfaces that face the same way, so that light of one wall does not colour another at an edge, nor shine through a sheet. s is the share of
-/// the disc on which such photons can land, without what lies past an edge or behind a wall: see [`share`].
+/// the disc on which such photons can land, without what lies past an edge or behind a wall: see [`Disc`].
 #[derive(Debug)]
 pub struct SurfaceMap {
     map: PointMap,
@@ -31,6 +31,10 @@ pub struct SurfaceMap {
 const FLATTENED: f32 = 0.1;
 /// Photons count whose surface's normal has at least this cosine to that at the place looked up.
 const FACING: f32 = 0.8;
+/// Sectors of a disc that is cut: where they are free, its photons need not be looked at one by one.
+const SECTORS: usize = 24;
+/// A surface is a wall to a place whose normal it has at most this cosine to.
+const SLOPE: f64 = 0.3;
 /// Probes that tell what share of a disc photons can land on.
 const PROBES: u32 = 24;
 /// Probes around a block that tell whether its discs are cut at all.
@@ -121,25 +125,31 @@ impl SurfaceMap {
             // Powers are as seen by the shading normal where they landed, and so is what the surface sends.
             let cos = from.dot(shading_normal);
             if cos > 0.0 {
-                let part = |power: Rgb, sent: crate::surface::Scattering| sum += power * sent.value;
+                let part = |power: Rgb, sent: Scattering| sum += power * sent.value;
                 vertex.toward(from, Side::Eye, false, power / cos, stream, part);
             }
         });
-        area.map_or(Rgb::ZERO, |area| sum / area)
+        area.map_or(Rgb::ZERO, |(area, _)| sum / area)
     }
 
-    /// The irradiance of a place where a photon landed, as its shading normal sees it, and the radius over which it is an average. All
-    /// photons count alike: the one that is there for certain then makes up, on average, for the one that is missing between it and
+    /// The irradiance of a place where a photon landed, as its shading normal sees it, and the radius over which it is an average, and
+    /// whether the disc is cut. All photons count alike: the one that is there for certain then makes up, on average, for the one that is missing between it and
     /// those for whom it is the nearest. With a cone, light were 1 % too bright, and without that photon 3 % too dark.
-    fn irradiance(&self, scene: &Scene, place: Place, stream: &mut Stream, memory: &mut PointMemory) -> (Rgb, f32) {
+    fn irradiance(
+        &self,
+        scene: &Scene,
+        place: Place,
+        stream: &mut Stream,
+        memory: &mut PointMemory,
+    ) -> (Rgb, f32, bool) {
         let mut sum = Rgb::ZERO;
         let all = (Events::unlimited(), SurfaceFilter::None);
         let area = self.around(scene, place, all, stream, memory, |_, _, power| sum += power);
-        area.map_or((Rgb::ZERO, 0.0), |area| (sum / area, (area / PI).sqrt() as f32))
+        area.map_or((Rgb::ZERO, 0.0, true), |(area, cut)| (sum / area, (area / PI).sqrt() as f32, cut))
     }
 
     /// Tells `photon` from where and with what power photons landed around a place, each counted as the filter says. Returns the
-    /// area they landed on; `None` where there are none.
+    /// area they landed on, and whether it is cut; `None` where there are none.
     fn around(
         &self,
         scene: &Scene,
@@ -148,43 +158,48 @@ impl SurfaceMap {
         stream: &mut Stream,
         memory: &mut PointMemory,
         mut photon: impl FnMut(&mut Stream, DVec3, Rgb),
-    ) -> Option<f64> {
+    ) -> Option<(f64, bool)> {
         if !self.map.bounds().contains(place.point) {
             return None;
         }
         let (x, normal) = (place.point.as_vec3(), place.normal.as_vec3());
         let squared = self.map.look_up(x, memory);
         let (height, most) = (FLATTENED * squared.sqrt(), most.in_a_byte());
-        let mut found = false;
-        let mut cut = false;
-        for &block in memory.blocks() {
-            let block = block as usize;
-            let load = &self.map.loads[block];
-            let (events, normals) = (&self.map.events[block], &self.map.normals[block]);
-            let of = |rows: &[Row; 3], lane: usize| Vec3::new(rows[0].0[lane], rows[1].0[lane], rows[2].0[lane]);
-            for (lane, &events) in events.iter().enumerate() {
-                let offset = self.map.place(block, lane) - x;
-                let distance = offset.length_squared();
-                // Lanes without a photon are infinitely far, or not a number.
-                let near = distance < squared && offset.dot(normal).abs() <= height;
-                if !near || events > most || normals[lane].unpacked().dot(normal) < FACING {
-                    continue;
-                }
-                let from = -of(&load.direction, lane).as_dvec3();
-                if from.dot(place.normal) <= 0.0 {
-                    continue;
-                }
-                found = true;
-                cut |= self.cut[block];
-                let weight = f64::from(filter.weight(distance / squared));
-                photon(stream, from, Rgb::from(of(&load.power, lane).as_dvec3()) * weight);
+        let counts = |block: usize, lane: usize| {
+            let offset = self.map.place(block, lane) - x;
+            let distance = offset.length_squared();
+            // Lanes without a photon are infinitely far, or not a number.
+            let near = distance < squared && offset.dot(normal).abs() <= height;
+            if !near || self.map.events[block][lane] > most {
+                return None;
             }
+            let facing = self.map.normals[block][lane].unpacked().dot(normal);
+            (facing >= FACING).then_some((offset, distance, facing))
+        };
+
+        // Whether any of them says that discs here may be cut, and how.
+        let lanes = || memory.blocks().iter().flat_map(|&block| (0..LANES).map(move |lane| (block as usize, lane)));
+        let cut = lanes().any(|(block, lane)| self.cut[block] && counts(block, lane).is_some());
+        let radius = f64::from(squared.sqrt());
+        let disc = cut.then(|| Disc::new(scene, place, radius, stream.uniform()));
+
+        let mut found = false;
+        for (block, lane) in lanes() {
+            let Some((offset, distance, facing)) = counts(block, lane) else { continue };
+            let load = &self.map.loads[block];
+            let of = |rows: &[Row; 3]| Vec3::new(rows[0].0[lane], rows[1].0[lane], rows[2].0[lane]).as_dvec3();
+            let from = -of(&load.direction);
+            let reached = || disc.as_ref().is_none_or(|disc| disc.reaches(scene, place, offset.as_dvec3()));
+            if from.dot(place.normal) <= 0.0 || !reached() {
+                continue;
+            }
+            found = true;
+            // Of a slope, the area is counted that the tangent plane sees.
+            let weight = f64::from(filter.weight(distance / squared) * facing);
+            photon(stream, from, Rgb::from(of(&load.power)) * weight);
         }
-        if !found {
-            return None;
-        }
-        let share = if cut { share(scene, place, f64::from(squared.sqrt()), filter, stream) } else { 1.0 };
-        Some(PI * f64::from(squared) * share)
+        let share = |disc: &Disc| disc.share(scene, place, filter);
+        found.then(|| (PI * radius * radius * disc.as_ref().map_or(1.0, share), cut))
     }
 
     /// Whether the discs around one photon of a block may be cut, by what probes on a wider rim say.
@@ -199,62 +214,111 @@ impl SurfaceMap {
         let frame = Frame::around(normal);
         (0..RIM).any(|probe| {
             let aside = on_rim(&frame, radius, f64::from(probe) / f64::from(RIM));
-            !lands(scene, place, aside, f64::from(FLATTENED) * radius)
+            let height = f64::from(FLATTENED) * radius;
+            !is_free(scene, place, aside, height) || !lands(scene, place, aside, height)
         })
     }
 
-    /// Photons at some of the places where photons landed, every so many of those given; with the irradiance there as power, and
-    /// the normal, as long as the radius it was averaged over, as direction.
+    /// Photons at places where photons landed, with the irradiance there as power, the normal, as long as the radius it was averaged
+    /// over, as direction, and as many events as it is cut: 1 or 0.
     pub(super) fn irradiances(&self, scene: &Scene, places: &[(Vec3, PackedNormal)]) -> Vec<Photon> {
         let of = |memory: &mut PointMemory, (index, &(position, normal)): (usize, &(Vec3, PackedNormal))| {
             let direction = normal.unpacked();
             let place = Place { point: position.as_dvec3(), normal: direction.as_dvec3() };
             // Only turns the pattern of probes.
             let mut stream = Stream::new(0, crate::math::random::Purpose::Map, index as u64, 0);
-            let (irradiance, radius) = self.irradiance(scene, place, &mut stream, memory);
-            Photon { position, direction: radius * direction, power: irradiance.as_vec3(), events: 0, normal }
+            let (irradiance, radius, cut) = self.irradiance(scene, place, &mut stream, memory);
+            Photon { position, direction: radius * direction, power: irradiance.as_vec3(), events: cut.into(), normal }
         };
         places.par_iter().enumerate().map_init(PointMemory::default, of).collect()
     }
 }
 
-/// The share of the disc around a place, weighted by the filter, on which photons that count for it can land: where a way just
-/// above the tangent plane is not blocked and a surface that faces the same way lies below its end. (Jensen 2001, §7.4, takes the
-/// convex hull of the photons for it.)
-fn share(scene: &Scene, place: Place, radius: f64, filter: SurfaceFilter, stream: &mut Stream) -> f64 {
-    let frame = Frame::around(place.normal);
-    let turn = stream.uniform();
-    let (mut covered, mut all) = (0.0, 0.0);
-    for probe in 0..PROBES {
-        // Vogel's spiral: as many on equal areas.
-        let squared = (f64::from(probe) + 0.5) / f64::from(PROBES);
-        let aside = on_rim(&frame, radius * squared.sqrt(), turn + f64::from(probe) * 0.618_033_988_749_895);
-        let weight = f64::from(filter.weight(squared as f32));
-        all += weight;
-        if lands(scene, place, aside, f64::from(FLATTENED) * radius) {
-            covered += weight;
-        }
+/// The part of the disc around a place that photons can land on: as far as a way just above the tangent plane is free of walls.
+struct Disc {
+    frame: Frame,
+    radius: f64,
+    /// Where the first sector's middle is, in turns.
+    turn: f64,
+    /// Which are free throughout, by the ways along their middles and those of their neighbours.
+    free: [bool; SECTORS],
+}
+
+impl Disc {
+    fn new(scene: &Scene, place: Place, radius: f64, turn: f64) -> Disc {
+        let frame = Frame::around(place.normal);
+        let height = f64::from(FLATTENED) * radius;
+        let middle = |sector: usize| on_rim(&frame, radius, turn + sector as f64 / SECTORS as f64);
+        let along: [bool; SECTORS] = std::array::from_fn(|sector| is_free(scene, place, middle(sector), height));
+        let free = std::array::from_fn(|sector| {
+            along[sector] && along[(sector + 1) % SECTORS] && along[(sector + SECTORS - 1) % SECTORS]
+        });
+        Disc { frame, radius, turn, free }
     }
-    (covered / all).max(LEAST_SHARE)
+
+    /// Whether photons so far aside are on it.
+    fn reaches(&self, scene: &Scene, place: Place, offset: DVec3) -> bool {
+        let (x, y) = (offset.dot(self.frame.x), offset.dot(self.frame.y));
+        let turns = (y.atan2(x) / TAU - self.turn).rem_euclid(1.0);
+        self.free[(turns * SECTORS as f64 + 0.5) as usize % SECTORS]
+            || is_free(scene, place, x * self.frame.x + y * self.frame.y, f64::from(FLATTENED) * self.radius)
+    }
+
+    /// Its share of the whole disc, weighted by a filter: without what is not free, and where no surface that faces the same way lies
+    /// below. (Jensen 2001, §7.4, takes the convex hull of the photons for it.)
+    fn share(&self, scene: &Scene, place: Place, filter: SurfaceFilter) -> f64 {
+        let (mut covered, mut all) = (0.0, 0.0);
+        for probe in 0..PROBES {
+            // Vogel's spiral: as many on equal areas.
+            let squared = (f64::from(probe) + 0.5) / f64::from(PROBES);
+            let (sin, cos) = (TAU * (self.turn + f64::from(probe) * 0.618_033_988_749_895)).sin_cos();
+            let weight = f64::from(filter.weight(squared as f32));
+            all += weight;
+            let aside = self.radius * squared.sqrt() * (cos * self.frame.x + sin * self.frame.y);
+            let height = f64::from(FLATTENED) * self.radius;
+            if self.reaches(scene, place, aside) && lands(scene, place, aside, height) {
+                covered += weight;
+            }
+        }
+        (covered / all).max(LEAST_SHARE)
+    }
 }
 
 /// A vector of this length in the plane of a frame, turned by a share of a full turn.
 fn on_rim(frame: &Frame, radius: f64, turn: f64) -> DVec3 {
-    let (sin, cos) = (std::f64::consts::TAU * turn).sin_cos();
+    let (sin, cos) = (TAU * turn).sin_cos();
     radius * (cos * frame.x + sin * frame.y)
+}
+
+/// Whether a surface keeps light off what is behind it.
+fn is_opaque(scene: &Scene, id: u32) -> bool {
+    matches!(scene.surfaces[id as usize].material, Material::Opaque(_))
+}
+
+/// Whether light of one place may be that of the other, `aside` of it: no wall is between.
+pub(super) fn are_one(scene: &Scene, place: Place, aside: DVec3) -> bool {
+    is_free(scene, place, aside, f64::from(FLATTENED) * aside.length())
+}
+
+/// Whether the way `aside` from a place, `height` above it, is free of walls. Slopes are none: they are of the same surface.
+fn is_free(scene: &Scene, place: Place, aside: DVec3, height: f64) -> bool {
+    let length = aside.length();
+    let Some(direction) = aside.try_normalize() else { return true };
+    let ray = Ray::new(place.point + height * place.normal, direction);
+    let mut free = true;
+    scene.geometry.all_hits(&ray, 0.0, length, |hit| {
+        let facing = if hit.normal.dot(direction) > 0.0 { -hit.normal } else { hit.normal };
+        free &= facing.dot(place.normal) >= SLOPE || !is_opaque(scene, hit.id);
+    });
+    free
 }
 
 /// Whether photons that land `aside` of a place, and no more than `height` off its tangent plane, count for it.
 fn lands(scene: &Scene, place: Place, aside: DVec3, height: f64) -> bool {
-    let is_opaque = |id: u32| matches!(scene.surfaces[id as usize].material, Material::Opaque(_));
-    let start = place.point + height * place.normal;
-    let length = aside.length();
-    if length > 0.0 && scene.geometry.occluded(&Ray::new(start, aside / length), 0.0, length, is_opaque) {
-        return false;
-    }
     let mut found = false;
-    scene.geometry.all_hits(&Ray::new(start + aside, -place.normal), 0.0, 2.0 * height, |hit| {
-        found |= is_opaque(hit.id) && hit.normal.dot(place.normal).abs() >= f64::from(FACING);
+    let ray = Ray::new(place.point + aside + height * place.normal, -place.normal);
+    scene.geometry.all_hits(&ray, 0.0, 2.0 * height, |hit| {
+        found |= is_opaque(scene, hit.id) && hit.normal.dot(place.normal).abs() >= f64::from(FACING);
     });
     found
 }

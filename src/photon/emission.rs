@@ -40,10 +40,8 @@ const CLOSEST: f64 = 0.5;
 const AROUND: f64 = 0.25;
 /// See [`AROUND`].
 const WIDER: f64 = 3.0;
-/// The share of photons that are aimed at the spheres around specular surfaces: the rest is for what those photons bend farther.
-const SPECULAR: f64 = 0.95;
-/// Specular surfaces that are aimed at one by one, at most.
-const MOST_TARGETS: usize = 64;
+/// The share of photons that are aimed at the spheres around surfaces: the rest is for what those photons bend farther.
+const AIMED: f64 = 0.95;
 /// The share of photons that stays drawn in proportion to power once shares are evened out: what is learnt from a few
 /// photons may be wrong.
 const BY_POWER: f64 = 0.25;
@@ -125,26 +123,26 @@ impl<'s> Sources<'s> {
         self.aim_at(targets, closest, [CLOSEST, AROUND]);
     }
 
-    /// Aims nearly all photons at surfaces that mirror or refract; the light is the same.
-    pub fn aim_at_specular(&mut self) {
-        let is_specular = |material| self.scene.any_part(material, &Material::is_partly_specular);
-        let specular = (0..).zip(&self.scene.surfaces).filter(|(_, surface)| is_specular(&surface.material));
-        let mut targets: Vec<Target> = specular
+    /// Aims nearly all photons at the surfaces for whose material `wanted` holds: at each, if there are no more than `most`, else at
+    /// the sphere around all. The light is the same.
+    pub fn aim_at_surfaces(&mut self, wanted: impl Fn(&Material) -> bool, most: usize) {
+        let is_wanted = |material| self.scene.any_part(material, &wanted);
+        let surfaces = (0..).zip(&self.scene.surfaces).filter(|(_, surface)| is_wanted(&surface.material));
+        let mut targets: Vec<Target> = surfaces
             .map(|(shape, _)| {
                 let (center, radius) = self.scene.geometry.bounding_sphere(shape);
                 // The light that just grazes it, too.
                 Target { center, radius: radius * (1.0 + 1e-9), share: 0.0 }
             })
             .collect();
-        // Every photon asks every target for its density: of many, the sphere around all is aimed at.
-        if targets.len() > MOST_TARGETS {
+        if targets.len() > most {
             let all = targets.iter().fold(Bounds::EMPTY, |all, target| {
                 all.union(Bounds { min: target.center, max: target.center }.grown(target.radius))
             });
             targets = vec![Target { center: all.center(), radius: 0.5 * all.diagonal(), share: 0.0 }];
         }
         let all = targets.len();
-        self.aim_at(targets, all, [SPECULAR, 0.0]);
+        self.aim_at(targets, all, [AIMED, 0.0]);
     }
 
     /// Aims at spheres: these shares of the photons at the `closest` of them, and at the rest.

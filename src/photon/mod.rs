@@ -24,6 +24,7 @@ mod tracer;
 mod uneven;
 pub mod walls;
 
+pub(crate) use balls::Load;
 pub use balls::{Ball, PointMap, PointMemory, PointSettings};
 pub use discs::{Disc, MapSettings, PhotonMap, Plane};
 pub use emission::{Sources, Start};

@@ -64,6 +64,9 @@ const PILOT: u64 = 1 << 13;
 /// more.
 const MOST_EMISSIONS: u64 = 16;
 
+/// Specular surfaces that are aimed at one by one, at most: every photon asks every target for its density.
+const MOST_TARGETS: usize = 64;
+
 /// Where fewer of the pilot's photons land, there is no map: paths find that light by chance.
 const FEWEST: u64 = 8;
 
@@ -105,16 +108,23 @@ pub fn trace_surfaces(
         return Landed::default();
     }
 
-    // Caustics are aimed or not, whichever of the two lands more.
+    // Aimed, at what bends light or at all there is, or not: whichever lands more; photons that are not aimed are more alike.
     let pilot = |tracer: &SurfaceTracer<'_>| tracer.run(Purpose::Pilot, PILOT, &|_, _| {}, stop).photons.len() as u64;
-    let mut stored = pilot(&tracer);
-    if pass.kind == Kind::Caustic {
-        tracer.sources.aim_at_specular();
-        let aimed = pilot(&tracer);
-        if stored > aimed {
-            tracer.sources = sources();
+    let bare = pilot(&tracer);
+    let favour = match pass.kind {
+        Kind::Caustic => {
+            tracer.sources.aim_at_surfaces(Material::is_partly_specular, MOST_TARGETS);
+            1
         }
-        stored = stored.max(aimed);
+        Kind::Global => {
+            tracer.sources.aim_at_surfaces(spreads, 1);
+            2
+        }
+    };
+    let mut stored = pilot(&tracer);
+    if bare.saturating_mul(favour) > stored {
+        tracer.sources = sources();
+        stored = bare;
     }
     if stored < FEWEST {
         return Landed::default();

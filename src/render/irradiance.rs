@@ -53,6 +53,9 @@ impl<'s> Filler<'_, 's> {
     /// Fills the cache, until all is covered or `stop` says so.
     pub fn fill(&self, stop: &(impl Fn() -> bool + Sync)) -> Filled {
         let (width, height) = self.camera.size();
+        // No more gather rays than without a cache.
+        let rays = u64::from(width) * u64::from(height) * u64::from(self.plan.samples);
+        let most = rays.div_ceil(self.settings.cells.count() as u64) as usize;
         let mut filled = Filled::default();
         for (round, stride) in STRIDES.into_iter().enumerate() {
             let is_new = |x: u32, y: u32| round == 0 || x % (2 * stride) != 0 || y % (2 * stride) != 0;
@@ -62,8 +65,8 @@ impl<'s> Filler<'_, 's> {
             let new = |y: u32| (0..width).step_by(stride as usize).map(move |x| (x, y)).filter(|&(x, y)| is_new(x, y));
             let mut wanted: Vec<(u32, u32)> = rows.flat_map_iter(|y| new(y).filter(is_wanted)).collect();
             wanted.sort_by_key(|&(x, y)| (mix(u64::from(y) << 32 | u64::from(x)), x, y));
-            while !wanted.is_empty() && !stop() {
-                let rest = wanted.split_off(wanted.len().min(BATCH));
+            while !wanted.is_empty() && filled.cache.len() < most && !stop() {
+                let rest = wanted.split_off(wanted.len().min(BATCH).min(most - filled.cache.len()));
                 let made: Vec<_> =
                     wanted.par_iter().map_init(Room::default, |room, &at| self.record(at, room)).collect();
                 let records = made.into_iter().filter_map(|(record, gathered, tally)| {
