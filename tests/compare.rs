@@ -52,6 +52,8 @@ samples = 4
 volume = 20_000
 [volume]
 neighbours = 40
+[surface]
+indirect = "path"
 "#;
 
 /// A folder with the scene, and a comparison that goes with it.

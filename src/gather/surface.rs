@@ -7,9 +7,9 @@ use rayon::prelude::*;
 use crate::math::{DVec3, Frame, Ray, Rgb, Stream, Vec3};
 use crate::photon::simd::{LANES, Row};
 use crate::photon::{Ball, PackedNormal, Photon, PointMap, PointMemory, PointSettings};
-use crate::scene::Scene;
 use crate::scene::description::SurfaceFilter;
-use crate::surface::{Material, Scattering, Side};
+use crate::scene::{Finish, Scene, Surface};
+use crate::surface::{Material, Nature, Scattering, Side, TexturePoint};
 use crate::transport::{Events, Interaction, Vertex};
 
 /// Photons that landed on surfaces.
@@ -215,7 +215,7 @@ impl SurfaceMap {
         (0..RIM).any(|probe| {
             let aside = on_rim(&frame, radius, f64::from(probe) / f64::from(RIM));
             let height = f64::from(FLATTENED) * radius;
-            !is_free(scene, place, aside, height) || !lands(scene, place, aside, height)
+            !is_free(scene, place, aside, height) || landing(scene, place, aside, height) < 1.0
         })
     }
 
@@ -276,8 +276,8 @@ impl Disc {
             all += weight;
             let aside = self.radius * squared.sqrt() * (cos * self.frame.x + sin * self.frame.y);
             let height = f64::from(FLATTENED) * self.radius;
-            if self.reaches(scene, place, aside) && lands(scene, place, aside, height) {
-                covered += weight;
+            if self.reaches(scene, place, aside) {
+                covered += weight * landing(scene, place, aside, height);
             }
         }
         (covered / all).max(LEAST_SHARE)
@@ -288,11 +288,6 @@ impl Disc {
 fn on_rim(frame: &Frame, radius: f64, turn: f64) -> DVec3 {
     let (sin, cos) = (TAU * turn).sin_cos();
     radius * (cos * frame.x + sin * frame.y)
-}
-
-/// Whether a surface keeps light off what is behind it.
-fn is_opaque(scene: &Scene, id: u32) -> bool {
-    matches!(scene.surfaces[id as usize].material, Material::Opaque(_))
 }
 
 /// Whether light of one place may be that of the other, `aside` of it: no wall is between.
@@ -308,19 +303,26 @@ fn is_free(scene: &Scene, place: Place, aside: DVec3, height: f64) -> bool {
     let mut free = true;
     scene.geometry.all_hits(&ray, 0.0, length, |hit| {
         let facing = if hit.normal.dot(direction) > 0.0 { -hit.normal } else { hit.normal };
-        free &= facing.dot(place.normal) >= SLOPE || !is_opaque(scene, hit.id);
+        free &= facing.dot(place.normal) >= SLOPE || !scene.surfaces[hit.id as usize].material.is_opaque();
     });
     free
 }
 
-/// Whether photons that land `aside` of a place, and no more than `height` off its tangent plane, count for it.
-fn lands(scene: &Scene, place: Place, aside: DVec3, height: f64) -> bool {
-    let mut found = false;
+/// The share of photons that are stored of those which arrive `aside` of a place, no more than `height` off its tangent plane and on a
+/// surface that faces the same way: of mixtures, what meets a part that spreads light.
+fn landing(scene: &Scene, place: Place, aside: DVec3, height: f64) -> f64 {
+    let stores = |material: &Material| matches!(material, Material::Opaque(bsdf) if bsdf.nature() == Nature::Diffuse);
     let ray = Ray::new(place.point + aside + height * place.normal, -place.normal);
+    let mut stored = 0f64;
     scene.geometry.all_hits(&ray, 0.0, 2.0 * height, |hit| {
-        found |= is_opaque(scene, hit.id) && hit.normal.dot(place.normal).abs() >= f64::from(FACING);
+        if hit.normal.dot(place.normal).abs() >= f64::from(FACING) {
+            let Surface { material, paint, .. } = scene.surfaces[hit.id as usize];
+            let object = scene.geometry.object_point(&ray, &hit);
+            let at = TexturePoint { uv: hit.uv, object, footprint: 0.0 };
+            stored = stored.max(scene.share(&Finish { material, paint }, &at, &stores));
+        }
     });
-    found
+    stored
 }
 
 #[cfg(test)]

@@ -43,6 +43,11 @@ impl History {
         }
     }
 
+    /// Whether it was scattered.
+    pub fn is_scattered(self) -> bool {
+        self.scattered
+    }
+
     /// Whether it is light of a caustic, where it lands on a surface that spreads it: from a light, mirrored or refracted, and not
     /// scattered.
     pub fn is_caustic(self) -> bool {

@@ -45,6 +45,8 @@ pub struct SurfacePass {
     pub max_emitted: u64,
     /// How many events light may have on its way to the eye.
     pub max_events: Events,
+    /// Whether photons that nothing has scattered are of no use without others.
+    pub needs_scattered: bool,
 }
 
 /// What it holds.
@@ -54,6 +56,8 @@ pub struct Landed {
     pub photons: Vec<Photon>,
     /// Photons emitted.
     pub emitted: u64,
+    /// Photons stored that were scattered before.
+    scattered: u64,
     /// Counts of mishaps.
     pub tally: Tally,
 }
@@ -109,8 +113,11 @@ pub fn trace_surfaces(
     }
 
     // Aimed, at what bends light or at all there is, or not: whichever lands more; photons that are not aimed are more alike.
-    let pilot = |tracer: &SurfaceTracer<'_>| tracer.run(Purpose::Pilot, PILOT, &|_, _| {}, stop).photons.len() as u64;
-    let bare = pilot(&tracer);
+    let pilot = |tracer: &SurfaceTracer<'_>| {
+        let Landed { photons, scattered, .. } = tracer.run(Purpose::Pilot, PILOT, &|_, _| {}, stop);
+        (photons.len() as u64, scattered)
+    };
+    let (bare, scattered) = pilot(&tracer);
     let favour = match pass.kind {
         Kind::Caustic => {
             tracer.sources.aim_at_surfaces(Material::is_partly_specular, MOST_TARGETS);
@@ -121,12 +128,12 @@ pub fn trace_surfaces(
             2
         }
     };
-    let mut stored = pilot(&tracer);
+    let (mut stored, mut indirect) = pilot(&tracer);
     if bare.saturating_mul(favour) > stored {
         tracer.sources = sources();
-        stored = bare;
+        (stored, indirect) = (bare, scattered);
     }
-    if stored < FEWEST {
+    if stored < FEWEST || pass.needs_scattered && indirect < FEWEST {
         return Landed::default();
     }
 
@@ -169,6 +176,7 @@ impl<'s> SurfaceTracer<'s> {
         let mut all = Landed::default();
         for chunk in in_chunks(0..emitted, stop, emit, end) {
             all.emitted += chunk.emitted;
+            all.scattered += chunk.scattered;
             all.tally = all.tally.merge(chunk.tally);
             all.photons.extend(chunk.photons);
         }
@@ -267,6 +275,7 @@ impl<'s> Traveller<'s> for Landing<'_, 's> {
 impl Landing<'_, '_> {
     /// Stores what lands: its power as the shading normal sees it, |i·s|/|i·g| of what the surface itself gets.
     fn deposit(&mut self, at: &Interaction, luggage: &Luggage<Remembered>) {
+        self.found.scattered += u64::from(luggage.own.history.is_scattered());
         let Incidence { direction, normal, shading_normal, .. } = at.incidence;
         let seen = direction.dot(shading_normal).min(0.0) / direction.dot(normal).min(-f64::MIN_POSITIVE);
         self.found.photons.push(Photon {
@@ -288,7 +297,15 @@ mod tests {
     fn landed(text: &str, kind: Kind) -> Landed {
         let (scene, _) = scene::from_text(text);
         let max_events = Events::unlimited();
-        let pass = SurfacePass { kind, seed: 5, index: 0, target: 40_000, max_emitted: 1 << 30, max_events };
+        let pass = SurfacePass {
+            kind,
+            seed: 5,
+            index: 0,
+            target: 40_000,
+            max_emitted: 1 << 30,
+            max_events,
+            needs_scattered: false,
+        };
         assert!(may_land(&scene, kind));
         trace_surfaces(&scene, &pass, &|_, _| {}, &|| false)
     }

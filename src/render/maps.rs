@@ -13,6 +13,7 @@ use crate::photon::{
     trace_surfaces, walls,
 };
 use crate::scene::Scene;
+use crate::scene::description::Indirect;
 
 /// The maps of a pass: each is there if the scene needs it.
 #[derive(Debug, Default)]
@@ -132,8 +133,10 @@ fn landed(
         target,
         max_emitted: plan.max_emitted,
         max_events: plan.max_events,
+        // Where surfaces send nothing to one another, there is nothing to gather.
+        needs_scattered: kind == Kind::Global && plan.indirect == Indirect::FinalGather,
     };
-    let Landed { photons, emitted, tally } = trace_surfaces(scene, &order, &|done, _| progress.advance(done), stop);
+    let Landed { photons, emitted, tally, .. } = trace_surfaces(scene, &order, &|done, _| progress.advance(done), stop);
     if emitted == 0 || stop() {
         return None;
     }

@@ -33,6 +33,17 @@ impl Scene {
         }
     }
 
+    /// The share of light that meets a material at a place for which `holds` is true.
+    pub fn share(&self, finish: &Finish, at: &TexturePoint, holds: &impl Fn(&Material) -> bool) -> f64 {
+        match &finish.material {
+            Material::Mixture(mixture) => {
+                let parts = self.parts(mixture, finish.paint, at);
+                parts.iter().map(|(share, part)| share * self.share(part, at, holds)).sum()
+            }
+            material => f64::from(u8::from(holds(material))),
+        }
+    }
+
     /// The share of light that passes through it at a place as if it were not there.
     pub fn passes(&self, finish: &Finish, at: &TexturePoint) -> f64 {
         match &finish.material {
