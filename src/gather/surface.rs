@@ -17,7 +17,7 @@ use crate::transport::{Events, Interaction, Vertex};
 /// The radiance estimate (Jensen 2001, Eq. 7.8): L(x, ω) = Σ f(x, ω_p → ω) Φ_p k(d/r)/(s π r²) over photons within r of x, where r is the
 /// distance of the n-th nearest, or the cap, or fixed. Balls are flattened: photons count that lie near the tangent plane at x, on
 /// surfaces that face the same way, so that light of one wall does not colour another at an edge, nor shine through a sheet. s is the share of
-/// the disc on which such photons can land, without what lies past an edge or behind a wall: see [`Disc`].
+/// the disc on which such photons can land, without what lies past an edge or behind a wall.
 #[derive(Debug)]
 pub struct SurfaceMap {
     map: PointMap,

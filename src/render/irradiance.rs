@@ -58,7 +58,8 @@ impl<'s> Filler<'_, 's> {
         let most = rays.div_ceil(self.settings.cells.count() as u64) as usize;
         let mut filled = Filled::default();
         for (round, stride) in STRIDES.into_iter().enumerate() {
-            let is_new = |x: u32, y: u32| round == 0 || x % (2 * stride) != 0 || y % (2 * stride) != 0;
+            let is_old = |x: u32| x.is_multiple_of(2 * stride);
+            let is_new = |x: u32, y: u32| round == 0 || !(is_old(x) && is_old(y));
             let rows = (0..height).into_par_iter().step_by(stride as usize);
             let cache = &filled.cache;
             let is_wanted = |&(x, y): &(u32, u32)| self.find(x, y).is_some_and(|found| !found.is_covered(cache));
