@@ -56,8 +56,7 @@ impl Cells {
 pub enum Spacing {
     /// As far as second derivatives let the irradiance be off by this share.
     Hessian(f64),
-    /// This share of the harmonic mean of the distances around (Ward, Rubinstein and Clear 1988), or where the gradient would change
-    /// the irradiance by all of it.
+    /// This share of the harmonic mean of the distances around (Ward, Rubinstein and Clear 1988).
     SplitSphere(f64),
 }
 
@@ -124,10 +123,12 @@ impl Record {
             }
             Spacing::SplitSphere(share) => {
                 let mean = found.len() as f64 / inverse;
-                let slope = luminance_of(&gradients).length();
-                ([1.0, 0.0], [(share * mean).min(irradiance / slope); 2])
+                ([1.0, 0.0], [share * mean; 2])
             }
         };
+        // Not as far as the gradient would change it by all of it.
+        let slope = luminance_of(&gradients).length();
+        let radii = radii.map(|radius| radius.min(irradiance / slope));
         let x = axis[0] * frame.x + axis[1] * frame.y;
         // Where it is dark, no error matters; what is not a number is not to be trusted.
         let radii = radii.map(|radius| if radius >= limits.0 { radius.min(limits.1) } else { limits.0 });
@@ -172,11 +173,14 @@ impl Record {
         (aside + high * high + turned).sqrt()
     }
 
-    /// The irradiance at a point of a surface with this shading normal, extrapolated: no less than nothing.
+    /// The irradiance at a point of a surface with this shading normal, extrapolated: no less than nothing, no more than double.
     fn irradiance(&self, point: DVec3, normal: DVec3) -> Rgb {
         let offset = point - self.point;
-        let of = |channel: usize| self.vectors[channel].dot(normal) + self.gradients[channel].dot(offset);
-        Rgb::new(of(0), of(1), of(2)).max(Rgb::ZERO)
+        let of = |channel: usize| {
+            let here = self.vectors[channel].dot(normal).max(0.0);
+            (here + self.gradients[channel].dot(offset)).clamp(0.0, 2.0 * here)
+        };
+        Rgb::new(of(0), of(1), of(2))
     }
 
     /// Around all places where it counts.
