@@ -4,6 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use rayon::prelude::*;
 
+use crate::math::random::Purpose;
 use crate::math::{DVec3, Frame, Ray, Rgb, Stream, Vec3};
 use crate::photon::simd::{LANES, Row};
 use crate::photon::{Ball, PackedNormal, Photon, PointMap, PointMemory, PointSettings};
@@ -132,9 +133,10 @@ impl SurfaceMap {
         area.map_or(Rgb::ZERO, |(area, _)| sum / area)
     }
 
-    /// The irradiance of a place where a photon landed, as its shading normal sees it, and the radius over which it is an average, and
-    /// whether the disc is cut. All photons count alike: the one that is there for certain then makes up, on average, for the one that is missing between it and
-    /// those for whom it is the nearest. With a cone, light were 1 % too bright, and without that photon 3 % too dark.
+    /// The irradiance of a place where a photon landed, as its shading normal sees it, the radius over which it is an average, and
+    /// whether the disc is cut. All photons count alike: the one that is there for certain then makes up, on average, for the one
+    /// that is missing between it and those for whom it is the nearest. With a cone, light were 1 % too bright, and without that photon
+    /// 3 % too dark.
     fn irradiance(
         &self,
         scene: &Scene,
@@ -226,7 +228,7 @@ impl SurfaceMap {
             let direction = normal.unpacked();
             let place = Place { point: position.as_dvec3(), normal: direction.as_dvec3() };
             // Only turns the pattern of probes.
-            let mut stream = Stream::new(0, crate::math::random::Purpose::Map, index as u64, 0);
+            let mut stream = Stream::new(0, Purpose::Map, index as u64, 0);
             let (irradiance, radius, cut) = self.irradiance(scene, place, &mut stream, memory);
             Photon { position, direction: radius * direction, power: irradiance.as_vec3(), events: cut.into(), normal }
         };

@@ -96,7 +96,7 @@ pub fn may_land(scene: &Scene, kind: Kind) -> bool {
 }
 
 /// Traces the photons of a map. `progress` is told how many emissions were done since it was last told, and how many there are to
-/// be; `stop` ends the pass early. Nothing is emitted where hardly any would land.
+/// be; `stop` ends the pass early. Nothing is emitted where hardly any would land, or hardly any of use.
 pub fn trace_surfaces(
     scene: &Scene,
     pass: &SurfacePass,

@@ -44,8 +44,7 @@ const STRIDES: [u32; 5] = [16, 8, 4, 2, 1];
 /// Records that are made before it is found out which others are still wanted. Fewer leave processors idle, more make records that
 /// others would have told.
 const BATCH: usize = 128;
-/// No more gather rays than so many times those that there would be without a cache. With as many, a box of 128 × 128 pixels at 16 samples was
-/// left with places that no record covers, which are most of the error there.
+/// Records take no more gather rays than so many times those that there would be without a cache.
 const MOST_RAYS: u64 = 4;
 /// A path that sees less than this of a surface asks for no record there,
 const FAINTEST: f64 = 0.02;

@@ -359,7 +359,8 @@ impl<'s> Looking<'_, '_, 's> {
         let albedo = vertex.albedo();
 
         // What denoisers and compositors ask for, of the first surface.
-        if self.sample.depth.is_infinite() {
+        let is_first = luggage.own.first.is_none() || luggage.own.seeks == Seeks::Scattered;
+        if is_first && self.sample.depth.is_infinite() {
             self.sample.depth = at.t;
             self.sample.normal = at.incidence.shading_normal;
             self.sample.albedo = albedo;
