@@ -121,10 +121,11 @@ impl SurfaceMap {
     ) -> Rgb {
         let place = Place { point: at.point, normal: at.incidence.normal };
         let (vertex, shading_normal) = (Vertex::Surface(at), at.incidence.shading_normal);
+        let is_lambertian = at.bsdf.lambertian().is_some();
         let mut sum = Rgb::ZERO;
         let area = self.around(scene, place, (most, self.filter), stream, memory, |stream, from, power| {
-            // Powers are as seen by the shading normal where they landed, and so is what the surface sends.
-            let cos = from.dot(shading_normal);
+            // Powers on Lambertian surfaces are as the shading normal sees them: elsewhere it is this one that counts.
+            let cos = from.dot(if is_lambertian { shading_normal } else { place.normal });
             if cos > 0.0 {
                 let part = |power: Rgb, sent: Scattering| sum += power * sent.value;
                 vertex.toward(from, Side::Eye, false, power / cos, stream, part);

@@ -273,11 +273,12 @@ impl<'s> Traveller<'s> for Landing<'_, 's> {
 }
 
 impl Landing<'_, '_> {
-    /// Stores what lands: its power as the shading normal sees it, |i·s|/|i·g| of what the surface itself gets.
+    /// Stores what lands: on Lambertian surfaces as the shading normal sees it, |i·s|/|i·g| of the power that the surface gets.
     fn deposit(&mut self, at: &Interaction, luggage: &Luggage<Remembered>) {
         self.found.scattered += u64::from(luggage.own.history.is_scattered());
         let Incidence { direction, normal, shading_normal, .. } = at.incidence;
         let seen = direction.dot(shading_normal).min(0.0) / direction.dot(normal).min(-f64::MIN_POSITIVE);
+        let seen = if at.bsdf.lambertian().is_some() { seen } else { 1.0 };
         self.found.photons.push(Photon {
             position: at.point.as_vec3(),
             direction: direction.as_vec3(),
