@@ -314,7 +314,6 @@ fn is_free(scene: &Scene, place: Place, aside: DVec3, height: f64) -> bool {
 /// The share of photons that are stored of those which arrive `aside` of a place, no more than `height` off its tangent plane and on a
 /// surface that faces the same way: of mixtures, what meets a part that spreads light.
 fn landing(scene: &Scene, place: Place, aside: DVec3, height: f64) -> f64 {
-    let stores = |material: &Material| matches!(material, Material::Opaque(bsdf) if bsdf.nature() == Nature::Diffuse);
     let ray = Ray::new(place.point + aside + height * place.normal, -place.normal);
     let mut stored = 0f64;
     scene.geometry.all_hits(&ray, 0.0, 2.0 * height, |hit| {
@@ -322,6 +321,14 @@ fn landing(scene: &Scene, place: Place, aside: DVec3, height: f64) -> f64 {
             let Surface { material, paint, .. } = scene.surfaces[hit.id as usize];
             let object = scene.geometry.object_point(&ray, &hit);
             let at = TexturePoint { uv: hit.uv, object, footprint: 0.0 };
+            // Textures may decide how a surface spreads light.
+            let stores = |finish: &Finish| {
+                let Material::Opaque(mut bsdf) = finish.material else { return false };
+                if let Some(paint) = finish.paint {
+                    scene.paints[paint as usize].put_on(&mut bsdf, &at);
+                }
+                bsdf.nature() == Nature::Diffuse
+            };
             stored = stored.max(scene.share(&Finish { material, paint }, &at, &stores));
         }
     });

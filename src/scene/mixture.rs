@@ -34,13 +34,13 @@ impl Scene {
     }
 
     /// The share of light that meets a material at a place for which `holds` is true.
-    pub fn share(&self, finish: &Finish, at: &TexturePoint, holds: &impl Fn(&Material) -> bool) -> f64 {
+    pub fn share(&self, finish: &Finish, at: &TexturePoint, holds: &impl Fn(&Finish) -> bool) -> f64 {
         match &finish.material {
             Material::Mixture(mixture) => {
                 let parts = self.parts(mixture, finish.paint, at);
                 parts.iter().map(|(share, part)| share * self.share(part, at, holds)).sum()
             }
-            material => f64::from(u8::from(holds(material))),
+            _ => f64::from(u8::from(holds(finish))),
         }
     }
 
