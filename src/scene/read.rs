@@ -337,7 +337,7 @@ fn surface(table: &Table) -> Read<Surface> {
         ("path", Indirect::Path),
         ("none", Indirect::None),
     ];
-    let indirect = table.get_or("indirect", Indirect::Path, |item| item.choice(&ways, &[]));
+    let indirect = table.get_or("indirect", Indirect::FinalGather, |item| item.choice(&ways, &[]));
     let estimates = [("knn", SurfaceEstimate::Knn), ("fixed", SurfaceEstimate::Fixed)];
     let estimate = table.get_or("estimate", SurfaceEstimate::Knn, |item| item.choice(&estimates, &["sheets"]));
     let radius = table.get("radius", Item::length);
