@@ -128,12 +128,9 @@ fov = 50
 const FILM: &str = "[film]\nwidth = 16\nheight = 16\nlayers = false\n";
 
 const WAYS: &[(&str, &[&str])] = &[
-    ("gathered", &["surface.indirect=final_gather", "surface.irradiance_cache=false"]),
-    ("cached", &["surface.indirect=final_gather"]),
-    (
-        "cached by distance",
-        &["surface.indirect=final_gather", "surface.records=split_sphere", "surface.cache_error=0.2"],
-    ),
+    ("gathered", &["surface.irradiance_cache=false"]),
+    ("cached", &[]),
+    ("cached by distance", &["surface.records=split_sphere", "surface.cache_error=0.2"]),
     ("shown", &["surface.indirect=map"]),
 ];
 

@@ -30,8 +30,8 @@ pub enum Purpose {
     Irradiance = 10,
 }
 
-/// What a number of a camera sample or a light path is for: the first draw of each is spread evenly over a pixel's samples, or all
-/// paths of a pass.
+/// What a number of a camera sample, a light path or a photon is for: the first draw of each is spread evenly over a pixel's
+/// samples, or all paths or photons of a pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dimension {
     /// The place on the film: two numbers.
@@ -50,6 +50,8 @@ pub enum Dimension {
     Lens,
     /// Where and whither a path leaves a light: four numbers, of which two are those of the film, where that path does not begin.
     Departure,
+    /// What a photon is aimed at, and where on that: three numbers, which only the eye uses else.
+    Aim,
 }
 
 impl Dimension {
@@ -61,6 +63,7 @@ impl Dimension {
             Dimension::Direction => 0b11 << 3,
             Dimension::Light => 0b11 << 5,
             Dimension::Equiangular => 0b1111 << 7,
+            Dimension::Aim => 0b111 << 7,
             Dimension::LightChoice => 0b1 << 11,
             Dimension::Lens => 0b11 << 12,
             Dimension::Departure => 0b11 | 0b11 << 14,
@@ -69,8 +72,8 @@ impl Dimension {
 }
 
 /// A stream of uniform random numbers. A camera sample's first draws of each kind that [`Dimension`] names come from a
-/// point of a scrambled Sobol' sequence that its pixel's samples share, a light path's from one that all of a pass share; all
-/// others are independent.
+/// point of a scrambled Sobol' sequence that its pixel's samples share, a light path's or a photon's from one that all of a pass
+/// share; all others are independent.
 #[derive(Clone, Debug)]
 pub struct Stream {
     random: Pcg64Mcg,
@@ -198,11 +201,11 @@ impl Stream {
         stream
     }
 
-    /// The stream of path `path` from a light, in a pass. Whatever their number, paths from 0 on are spread evenly, those of
-    /// different passes, and each 2³² of one, independently.
-    pub fn of_path(seed: u64, path: u64, pass: u64) -> Self {
-        let mut stream = Stream::new(seed, Purpose::Light, path, pass);
-        stream.key = mix(mix(mix(mix(seed) ^ Purpose::Light as u64) ^ (path >> 32)) ^ pass);
+    /// The stream of path or photon `path` from a light, in a pass. Whatever their number, those from 0 on are spread evenly, those of
+    /// different purposes and passes, and each 2³² of one, independently.
+    pub fn of_path(seed: u64, purpose: Purpose, path: u64, pass: u64) -> Self {
+        let mut stream = Stream::new(seed, purpose, path, pass);
+        stream.key = mix(mix(mix(mix(seed) ^ purpose as u64) ^ (path >> 32)) ^ pass);
         stream.spread(path as u32);
         stream
     }

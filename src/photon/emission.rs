@@ -160,7 +160,7 @@ impl<'s> Sources<'s> {
     pub fn towards_solids(&self, from: DVec3, stream: &mut Stream) -> Option<DVec3> {
         let index = (stream.uniform() * self.closest as f64) as usize;
         let target = self.targets.get(index.min(self.closest.checked_sub(1)?))?;
-        Some(target.towards(from, stream))
+        Some(target.towards(from, stream.uniform2()))
     }
 
     /// The density per steradian with which that is done.
@@ -177,14 +177,15 @@ impl<'s> Sources<'s> {
             return Some(departure);
         }
         let shares = self.targets.iter().map(|target| target.share).chain([self.unaimed]);
-        let target = choose(shares, 1.0, stream.uniform()).and_then(|choice| self.targets.get(choice.index));
+        let [which, place @ ..] = stream.draw(Dimension::Aim, |stream| [(); 3].map(|()| stream.uniform()));
+        let target = choose(shares, 1.0, which).and_then(|choice| self.targets.get(choice.index));
         if spread == DrawnFrom::Disc {
             let whole = self.scene.surroundings;
             let frame = Frame::around(ray.direction);
             let origin = match target {
                 None => ray.origin,
                 Some(Target { center, radius, .. }) => {
-                    let (x, y) = sampling::disc(stream.uniform2());
+                    let (x, y) = sampling::disc(place);
                     let p = *center + *radius * (x * frame.x + y * frame.y);
                     p - ((p - whole.center).dot(ray.direction) + whole.radius) * ray.direction
                 }
@@ -204,7 +205,7 @@ impl<'s> Sources<'s> {
             let power = power * (weight / (weight * self.unaimed + density));
             return Some(Departure { ray: Ray::new(origin, ray.direction), power, spread });
         }
-        let direction = target.map_or(ray.direction, |target| target.towards(ray.origin, stream));
+        let direction = target.map_or(ray.direction, |target| target.towards(ray.origin, place));
         let own = match spread {
             DrawnFrom::Cosine(normal) => normal.dot(direction).max(0.0) / PI,
             _ => 1.0 / (4.0 * PI),
@@ -255,7 +256,7 @@ impl<'s> Sources<'s> {
     fn start_in(&self, glow: &Glow, stream: &mut Stream) -> Option<Start> {
         let (point, density) = stream.draw(Dimension::Departure, |stream| glow.draw(stream));
         let (radiated, inside) = self.scene.radiated(glow.medium, point)?;
-        let direction = sampling::sphere(stream.uniform2()).normalize();
+        let direction = sampling::sphere(stream.draw(Dimension::Aim, Stream::uniform2)).normalize();
         Some(Start {
             ray: Ray::new(point, direction),
             power: radiated * (4.0 * PI / density),
@@ -302,10 +303,10 @@ impl Target {
         (self.center - from).try_normalize()
     }
 
-    /// Draws a direction towards it.
-    fn towards(&self, from: DVec3, stream: &mut Stream) -> DVec3 {
+    /// The direction towards it that two uniform numbers stand for.
+    fn towards(&self, from: DVec3, numbers: [f64; 2]) -> DVec3 {
         let axis = self.axis(from).unwrap_or(DVec3::Z);
-        Frame::around(axis).to_world(sampling::cone(self.opening(from), stream.uniform2())).normalize()
+        Frame::around(axis).to_world(sampling::cone(self.opening(from), numbers)).normalize()
     }
 
     /// The density of that per steradian.

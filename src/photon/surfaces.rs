@@ -45,8 +45,8 @@ pub struct SurfacePass {
     pub max_emitted: u64,
     /// How many events light may have on its way to the eye.
     pub max_events: Events,
-    /// Whether photons that nothing has scattered are of no use without others.
-    pub needs_scattered: bool,
+    /// Whether photons are of no use where surfaces send hardly any light to one another.
+    pub needs_exchange: bool,
 }
 
 /// What it holds.
@@ -56,8 +56,12 @@ pub struct Landed {
     pub photons: Vec<Photon>,
     /// Photons emitted.
     pub emitted: u64,
-    /// Photons stored that were scattered before.
+    /// Whether there are none, as surfaces send hardly any light to one another, though media send light to them.
+    pub from_media_only: bool,
+    /// Photons stored that were scattered before,
     scattered: u64,
+    /// and those of them that were scattered by a surface last.
+    exchanged: u64,
     /// Counts of mishaps.
     pub tally: Tally,
 }
@@ -96,7 +100,7 @@ pub fn may_land(scene: &Scene, kind: Kind) -> bool {
 }
 
 /// Traces the photons of a map. `progress` is told how many emissions were done since it was last told, and how many there are to
-/// be; `stop` ends the pass early. Nothing is emitted where hardly any would land, or hardly any of use.
+/// be; `stop` ends the pass early. No more than pilots are emitted where hardly any would land, or hardly any of use.
 pub fn trace_surfaces(
     scene: &Scene,
     pass: &SurfacePass,
@@ -114,10 +118,10 @@ pub fn trace_surfaces(
 
     // Aimed, at what bends light or at all there is, or not: whichever lands more; photons that are not aimed are more alike.
     let pilot = |tracer: &SurfaceTracer<'_>| {
-        let Landed { photons, scattered, .. } = tracer.run(Purpose::Pilot, PILOT, &|_, _| {}, stop);
-        (photons.len() as u64, scattered)
+        let landed = tracer.run(Purpose::Pilot, PILOT, &|_, _| {}, stop);
+        (landed.photons.len() as u64, landed)
     };
-    let (bare, scattered) = pilot(&tracer);
+    let (bare, without) = pilot(&tracer);
     let favour = match pass.kind {
         Kind::Caustic => {
             tracer.sources.aim_at_surfaces(Material::is_partly_specular, MOST_TARGETS);
@@ -128,13 +132,16 @@ pub fn trace_surfaces(
             2
         }
     };
-    let (mut stored, mut indirect) = pilot(&tracer);
+    let (mut stored, mut found) = pilot(&tracer);
     if bare.saturating_mul(favour) > stored {
         tracer.sources = sources();
-        (stored, indirect) = (bare, scattered);
+        (stored, found) = (bare, without);
     }
-    if stored < FEWEST || pass.needs_scattered && indirect < FEWEST {
+    if stored < FEWEST {
         return Landed::default();
+    }
+    if pass.needs_exchange && found.exchanged < FEWEST {
+        return Landed { from_media_only: found.scattered >= FEWEST, ..Landed::default() };
     }
 
     let most = pass.target.saturating_mul(MOST_EMISSIONS).min(pass.max_emitted);
@@ -166,7 +173,7 @@ impl<'s> SurfaceTracer<'s> {
         stop: &(impl Fn() -> bool + Sync),
     ) -> Landed {
         let emit = |photon, found: &mut Landed, parts: &mut Parts<'s, Remembered>| {
-            let mut stream = Stream::new(self.pass.seed, purpose, photon, self.pass.index);
+            let mut stream = Stream::of_path(self.pass.seed, purpose, photon, self.pass.index);
             self.emit(&mut stream, found, parts);
         };
         let end = |found: &mut Landed, count| {
@@ -177,6 +184,7 @@ impl<'s> SurfaceTracer<'s> {
         for chunk in in_chunks(0..emitted, stop, emit, end) {
             all.emitted += chunk.emitted;
             all.scattered += chunk.scattered;
+            all.exchanged += chunk.exchanged;
             all.tally = all.tally.merge(chunk.tally);
             all.photons.extend(chunk.photons);
         }
@@ -189,7 +197,7 @@ impl<'s> SurfaceTracer<'s> {
             found.tally.broken += 1;
             return;
         }
-        let own = Remembered { history: History::new(from_light), ahead: Ahead::default() };
+        let own = Remembered { history: History::new(from_light), from_surface: false, ahead: Ahead::default() };
         let start =
             Part { walk: Walk::start(self.scene, ray, inside), luggage: Luggage::new(power, own), collision: None };
         travel(&mut Landing { tracer: self, found, stream }, start, parts);
@@ -200,6 +208,8 @@ impl<'s> SurfaceTracer<'s> {
 #[derive(Clone, Copy, Debug)]
 struct Remembered {
     history: History,
+    /// Whether it was scattered by a surface, and by no medium since.
+    from_surface: bool,
     ahead: Ahead,
 }
 
@@ -263,6 +273,9 @@ impl<'s> Traveller<'s> for Landing<'_, 's> {
         let event = at.event(&onward);
         luggage.events += 1;
         luggage.own.history = luggage.own.history.after(event);
+        if event == Event::Scattered {
+            luggage.own.from_surface = matches!(at, Vertex::Surface(_));
+        }
         let goes_on = !ends(event) && max_events.allows(luggage.events);
         goes_on.then_some(Heading { direction: onward.direction, clearance: None })
     }
@@ -276,6 +289,7 @@ impl Landing<'_, '_> {
     /// Stores what lands: on Lambertian surfaces as the shading normal sees it, |i·s|/|i·g| of the power that the surface gets.
     fn deposit(&mut self, at: &Interaction, luggage: &Luggage<Remembered>) {
         self.found.scattered += u64::from(luggage.own.history.is_scattered());
+        self.found.exchanged += u64::from(luggage.own.from_surface);
         let Incidence { direction, normal, shading_normal, .. } = at.incidence;
         let seen = direction.dot(shading_normal).min(0.0) / direction.dot(normal).min(-f64::MIN_POSITIVE);
         let seen = if at.bsdf.lambertian().is_some() { seen } else { 1.0 };
@@ -305,7 +319,7 @@ mod tests {
             target: 40_000,
             max_emitted: 1 << 30,
             max_events,
-            needs_scattered: false,
+            needs_exchange: false,
         };
         assert!(may_land(&scene, kind));
         trace_surfaces(&scene, &pass, &|_, _| {}, &|| false)

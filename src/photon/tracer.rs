@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::emission::{Sources, Start};
 use super::history::History;
 use super::sinks::{VolumeQuota, VolumeSink};
-use crate::math::random::Purpose;
+use crate::math::random::{Dimension, Purpose};
 use crate::math::{Ray, Rgb, Stream};
 use crate::scene::Scene;
 use crate::scene::description::SingleScattering;
@@ -148,7 +148,7 @@ impl<'s> Tracer<'s> {
         stop: &(impl Fn() -> bool + Sync),
     ) -> Vec<Chunk> {
         let emit = |photon, chunk: &mut Chunk, parts: &mut Parts<'s, Remembered>| {
-            let mut stream = Stream::new(self.pass.seed, purpose, photon, self.pass.index);
+            let mut stream = Stream::of_path(self.pass.seed, purpose, photon, self.pass.index);
             self.emit(&mut stream, chunk, parts);
         };
         let end = |chunk: &mut Chunk, count| {
@@ -277,7 +277,8 @@ impl<'s> Traveller<'s> for Flying<'_, 's> {
 
         // A forced collision: the part that collides is followed later.
         if luggage.own.forced {
-            let forced = transport::force(medium, segment.ray, range, luggage.weight, self.stream);
+            let force = |stream: &mut Stream| transport::force(medium, segment.ray, range, luggage.weight, stream);
+            let forced = self.stream.draw(Dimension::Flight, force);
             luggage.weight *= forced.passed;
             if let Some((t, weight)) = forced.collision {
                 let luggage = luggage.part(weight, Remembered { forced: false, ..luggage.own });

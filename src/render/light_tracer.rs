@@ -22,7 +22,7 @@ use super::camera::{Camera, View};
 use super::eye::{BRIGHTEST, Component, First};
 use super::plan::Plan;
 use super::splat::{Splat, join};
-use crate::math::random::Dimension;
+use crate::math::random::{Dimension, Purpose};
 use crate::math::{Ray, Rgb, Stream};
 use crate::medium::Medium;
 use crate::photon::{History, Sources, Start};
@@ -105,7 +105,7 @@ impl<'s> LightTracer<'s> {
         let paths = self.paths(sample, task);
         let mut sent = Sent { splats: Vec::new(), paths: paths.end - paths.start, tally: Tally::default() };
         for path in paths {
-            let mut stream = Stream::of_path(self.seed, path, self.pass);
+            let mut stream = Stream::of_path(self.seed, Purpose::Light, path, self.pass);
             self.emit(&mut stream, &mut sent, parts);
         }
         join(&mut sent.splats);
@@ -156,9 +156,8 @@ impl<'s> Traveller<'s> for Sending<'_, 's> {
         if self.tracer.connects_flights(medium, ray) {
             return f64::INFINITY;
         }
-        let (medium, weight) = (&self.tracer.scene.media[medium as usize], luggage.weight);
-        let ahead = luggage.own.ahead.insert(Ahead::default());
-        self.stream.draw(Dimension::Flight, |stream| ahead.draw(medium, weight, stream))
+        let medium = &self.tracer.scene.media[medium as usize];
+        luggage.own.ahead.insert(Ahead::default()).draw(medium, luggage.weight, self.stream)
     }
 
     fn segment(
@@ -177,9 +176,7 @@ impl<'s> Traveller<'s> for Sending<'_, 's> {
         let (range, weight) = ((segment.a, segment.b), &mut luggage.weight);
         let tally = &mut self.sent.tally;
         let mut ahead = ahead.unwrap_or_default();
-        let collision = self
-            .stream
-            .draw(Dimension::Flight, |stream| ahead.collide(medium, segment.ray, range, weight, stream, tally));
+        let collision = ahead.collide(medium, segment.ray, range, weight, self.stream, tally);
         collision.map_or(ControlFlow::Continue(()), ControlFlow::Break)
     }
 

@@ -24,6 +24,8 @@ pub(super) struct Maps {
     pub caustic: Option<SurfaceMap>,
     /// Of all light on surfaces.
     pub global: Option<GlobalMap>,
+    /// Whether gather rays find light of media, where there is no global map.
+    pub from_media_only: bool,
 }
 
 /// Photons in media, one map for each region: as discs for rays, or as balls for points on them.
@@ -60,7 +62,7 @@ impl Maps {
                 VolumeMap::Points(point_maps(scene, points, scale, regions))
             }
         };
-        Maps { volume: Some(volume), caustic: None, global: None }
+        Maps { volume: Some(volume), ..Maps::default() }
     }
 
     /// Of each map that holds photons, with its region.
@@ -86,20 +88,21 @@ impl Maps {
         stop: &(impl Fn() -> bool + Sync),
     ) {
         let scale = narrowing(pass / plan.parts, SurfaceMap::DIMENSION) as f32;
-        let caustics = landed(scene, plan, (Kind::Caustic, pass), (stats, progress), stop);
+        let Landed { photons: caustics, .. } = landed(scene, plan, (Kind::Caustic, pass), (stats, progress), stop);
         let global = landed(scene, plan, (Kind::Global, pass), (stats, progress), stop);
+        self.from_media_only = global.from_media_only;
         let start = Instant::now();
         let mut bytes = 0;
-        if let Some(photons) = caustics {
-            stats.caustic += photons.len() as u64;
-            let map = SurfaceMap::build(scene, photons, plan.caustics.0, plan.caustics.1, scale);
+        if !caustics.is_empty() {
+            stats.caustic += caustics.len() as u64;
+            let map = SurfaceMap::build(scene, caustics, plan.caustics.0, plan.caustics.1, scale);
             stats.tally.broken += map.rejected() as u64;
             bytes += map.bytes();
             self.caustic = Some(map);
         }
-        if let Some(photons) = global {
-            stats.global += photons.len() as u64;
-            let map = GlobalMap::build(scene, photons, &plan.global, scale);
+        if !global.photons.is_empty() {
+            stats.global += global.photons.len() as u64;
+            let map = GlobalMap::build(scene, global.photons, &plan.global, scale);
             stats.tally.broken += map.rejected() as u64;
             bytes += map.bytes();
             self.global = Some(map);
@@ -109,20 +112,20 @@ impl Maps {
     }
 }
 
-/// The photons of a map on surfaces.
+/// The photons of a map on surfaces: none if `stop` ended it.
 fn landed(
     scene: &Scene,
     plan: &Plan,
     (kind, pass): (Kind, u32),
     (stats, progress): (&mut Stats, &impl Progress),
     stop: &(impl Fn() -> bool + Sync),
-) -> Option<Vec<Photon>> {
+) -> Landed {
     let (target, phase) = match kind {
         Kind::Caustic => (plan.caustic_photons, "caustics"),
         Kind::Global => (plan.global_photons, "surfaces"),
     };
     if target == 0 {
-        return None;
+        return Landed::default();
     }
     let start = Instant::now();
     progress.phase(phase, 0);
@@ -134,16 +137,16 @@ fn landed(
         max_emitted: plan.max_emitted,
         max_events: plan.max_events,
         // Where surfaces send nothing to one another, there is nothing to gather.
-        needs_scattered: kind == Kind::Global && plan.indirect == Indirect::FinalGather,
+        needs_exchange: kind == Kind::Global && plan.indirect == Indirect::FinalGather,
     };
-    let Landed { photons, emitted, tally, .. } = trace_surfaces(scene, &order, &|done, _| progress.advance(done), stop);
-    if emitted == 0 || stop() {
-        return None;
+    let landed = trace_surfaces(scene, &order, &|done, _| progress.advance(done), stop);
+    if stop() {
+        return Landed::default();
     }
-    stats.emitted += emitted;
-    stats.tally = stats.tally.merge(tally);
+    stats.emitted += landed.emitted;
+    stats.tally = stats.tally.merge(landed.tally);
     stats.photons_seconds += start.elapsed().as_secs_f64();
-    Some(photons)
+    landed
 }
 
 fn beam_maps(scene: &Scene, plan: &Plan, scale: f32, extinctions: &[f64], regions: Vec<Vec<Photon>>) -> VolumeMaps {

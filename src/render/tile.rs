@@ -16,7 +16,7 @@ use super::maps::Maps;
 use super::pass::Renderer;
 use super::plan::Plan;
 use super::progress::Progress;
-use crate::gather::{GatherStats, GlobalMap, IrradianceCache, Queue, SurfaceMap};
+use crate::gather::{GatherStats, IrradianceCache, Queue, SurfaceMap};
 use crate::math::Stream;
 use crate::photon::narrowing;
 use crate::scene::Scene;
@@ -76,7 +76,7 @@ impl<P: Progress> Renderer<'_, P> {
             single_scattering: self.plan.single_scattering,
             marchers: traced.as_deref(),
             caustics: maps.and_then(|maps| maps.caustic.as_ref()),
-            indirect: indirect(&self.plan, maps.and_then(|maps| maps.global.as_ref())),
+            indirect: indirect(&self.plan, maps),
             light_samples: self.plan.light_samples,
             whitted: self.plan.method == Method::Whitted,
             spread: self.camera.pixel() * footprint(self.plan.samples),
@@ -169,16 +169,16 @@ impl<P: Progress> Renderer<'_, P> {
 }
 
 /// Who tells indirect light: where it was to be a map that there is not, as hardly any light lands, paths do.
-fn indirect<'s>(plan: &Plan, global: Option<&'s GlobalMap>) -> Indirect<'s> {
+fn indirect<'s>(plan: &Plan, maps: Option<&'s Maps>) -> Indirect<'s> {
+    let global = maps.and_then(|maps| maps.global.as_ref());
+    let from_media_only = maps.is_some_and(|maps| maps.from_media_only);
     match (plan.indirect, global) {
         (description::Indirect::None, _) => Indirect::Nobody,
         (description::Indirect::Map, Some(global)) => Indirect::Map(global),
-        (description::Indirect::FinalGather, Some(global)) => {
+        (description::Indirect::FinalGather, global) if global.is_some() || from_media_only => {
             Indirect::Gather { global, rays: plan.gather_rays, cache: None }
         }
-        (description::Indirect::Path | description::Indirect::Map | description::Indirect::FinalGather, _) => {
-            Indirect::Path
-        }
+        _ => Indirect::Path,
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 
+use crate::math::random::Dimension;
 use crate::math::{Ray, Rgb, Stream, choose, shares};
 use crate::medium::Medium;
 use crate::medium::density::Grid;
@@ -17,7 +18,7 @@ impl Ahead {
         if !medium.density.is_even() {
             return f64::INFINITY;
         }
-        *self.0.insert(draw(medium, weight, stream))
+        *self.0.insert(stream.draw(Dimension::Flight, |stream| draw(medium, weight, stream)))
     }
 
     /// The parameter in a range at which light collides by chance, as was drawn before or on the way; weights `weight` for it.
@@ -32,7 +33,7 @@ impl Ahead {
     ) -> Option<f64> {
         match self.0.take() {
             Some(target) => end(medium, ray, range, target, weight),
-            None => fly(medium, ray, range, weight, stream, tally, |_, _| {}),
+            None => stream.draw(Dimension::Flight, |stream| fly(medium, ray, range, weight, stream, tally, |_, _| {})),
         }
     }
 }

@@ -80,8 +80,8 @@ pub enum Indirect<'s> {
     Map(&'s GlobalMap),
     /// Paths that go on to the next diffuse surface (gather rays), where the global map tells the rest.
     Gather {
-        /// The map.
-        global: &'s GlobalMap,
+        /// The map; without one the path goes on.
+        global: Option<&'s GlobalMap>,
         /// How many rays go on from a surface.
         rays: u32,
         /// What such rays have found elsewhere, if that is kept: where it tells enough, none is sent.
@@ -388,7 +388,7 @@ impl<'s> Looking<'_, '_, 's> {
                 self.read_global(global, at, luggage, false);
                 return self.send_bent(at, luggage);
             }
-            Indirect::Gather { global, .. } if gathers && !luggage.own.is_close(at, global.blur()) => {
+            Indirect::Gather { global: Some(global), .. } if gathers && !luggage.own.is_close(at, global.blur()) => {
                 self.read_global(global, at, luggage, true);
                 return self.send_bent(at, luggage);
             }
