@@ -29,6 +29,12 @@ radius = 0.2
 emission = { radiance = [30, 25, 20] }
 "#;
 
+/// What lies below the ball instead of the checkered floor: metal so rough that photons tell what it sends.
+const BRUSHED: (&str, &str) = (
+    "type = \"lambert\"\nreflectance = { texture = \"checker\", scale = 6, a = [0.8, 0.5, 0.3], b = 0.2 }",
+    "type = \"conductor\"\nmetal = \"Cu\"\nroughness = 0.35",
+);
+
 /// A ring of metal on a table under thin fog, and a small lamp; a pane lies over a part of the light.
 const RING: &str = r#"
 [[shapes]]
@@ -115,13 +121,17 @@ radiance = 0.3
 #[test]
 fn photons_bring_caustics() {
     let mut checks = Checks::default();
+    let brushed = BALL.replacen(BRUSHED.0, BRUSHED.1, 1);
+    assert_ne!(brushed, BALL);
+    let below_the_ball = "position = [0, 0.5, 0.1]\ntarget = [0, 0, 0.1]\nup = [0, 0, -1]\nfov = 110";
     for (name, scene, camera, samples, (mean, standard_error)) in [
+        ("ball", BALL, below_the_ball, 16, ([0.233_810, 0.124_677, 0.062_368], [1.8e-5, 8.8e-6, 4.2e-6])),
         (
-            "ball",
-            BALL,
-            "position = [0, 0.5, 0.1]\ntarget = [0, 0, 0.1]\nup = [0, 0, -1]\nfov = 110",
+            "ball over metal",
+            &brushed,
+            below_the_ball,
             16,
-            ([0.233_810, 0.124_677, 0.062_368], [1.8e-5, 8.8e-6, 4.2e-6]),
+            ([0.170_295, 0.090_242, 0.061_524], [5.5e-5, 2.2e-5, 1.4e-5]),
         ),
         (
             "ring",

@@ -76,8 +76,7 @@ impl Varnish {
 impl Coat {
     pub(super) fn nature(&self) -> Nature {
         match self {
-            Coat::Dielectric(varnish) if varnish.roughness > 0.0 => Nature::Glossy,
-            Coat::Dielectric(_) => Nature::Specular,
+            Coat::Dielectric(varnish) => Nature::of_facets(varnish.roughness),
             Coat::Schlick(schlick) => schlick.nature(),
         }
     }
@@ -141,7 +140,7 @@ impl Coat {
     /// Light that arrives from outside along `travel`, inside; `None` where it does not get in.
     pub(super) fn enter(&self, travel: DVec3, weight: &mut Rgb, stream: &mut Stream) -> Option<DVec3> {
         if !self.is_smooth() {
-            let crossed = self.cross(false, travel, weight, stream, None, |_, _| {})?;
+            let crossed = self.cross(Some(1.0), travel, weight, stream, None, |_, _| {})?;
             return crossed.through.then_some(crossed.travel);
         }
         *weight *= Rgb::ONE - self.specular(false, -travel.z);
@@ -151,17 +150,19 @@ impl Coat {
         }
     }
 
-    /// Meets it from outside or from inside. `part` is told what it sends along `asked`, with the weight that comes to each part: all
+    /// Meets it from inside, or from outside: then with what light that passes first counts for the chance, its part if the base
+    /// returns that much of it. `part` is told what it sends along `asked`, with the weight that comes to each part: all
     /// that a dielectric sends there, what Schlick's layer reflects there.
     pub(super) fn cross(
         &self,
-        inside: bool,
+        passing: Option<f64>,
         travel: DVec3,
         weight: &mut Rgb,
         stream: &mut Stream,
         asked: Option<DVec3>,
         mut part: impl FnMut(Rgb, Scattering),
     ) -> Option<Crossed> {
+        let inside = passing.is_none();
         let turned = |v: DVec3| if inside { flipped(v) } else { v };
         let (travel, asked) = (turned(travel), asked.map(turned));
         let varnish = match self {
@@ -186,6 +187,7 @@ impl Coat {
         }
         let boundary = varnish.boundary(inside);
         let mut visit = boundary.arrive(travel);
+        visit.passing = passing.unwrap_or(1.0);
         for _ in 0..MOST_FACETS {
             if let Some(leaving) = asked {
                 part(*weight, boundary.sends(&visit, leaving, false));

@@ -28,6 +28,9 @@ pub struct Coated {
 /// Reflections between base and coat, at most: of light that total reflection keeps in, 2 % are left after ten.
 const MOST_LAYERS: u32 = 1000;
 
+/// However little the base returns, light that passes the coat counts so much in the chance for that.
+const LEAST_PASSING: f64 = 0.1;
+
 /// Of the density for sharing this much is cosine-weighted, so that it is nowhere too small.
 const LEAST_DIFFUSE: f64 = 0.1;
 
@@ -39,19 +42,6 @@ impl Coated {
                 Some(Glaze { reflectance: base.reflectance, varnish })
             }
             _ => None,
-        }
-    }
-
-    /// α of the base's facets; 1 stands for diffuse.
-    fn base_roughness(&self) -> f64 {
-        match (&self.base, self.base.nature()) {
-            (_, Nature::Diffuse) => 1.0,
-            (_, Nature::Specular) => 0.0,
-            (Reflector::Conductor(conductor), _) => (conductor.roughness[0] * conductor.roughness[1]).sqrt(),
-            (Reflector::Schlick(schlick), _) => schlick.roughness.sqrt(),
-            // As wide as the lobe: cosⁿ falls to a half where α = √(2/(n + 2)).
-            (Reflector::Phong(phong), _) => (2.0 / (phong.exponent + 2.0)).sqrt(),
-            (Reflector::Lambert(_) | Reflector::OrenNayar(_) | Reflector::Mirror(_), _) => 1.0,
         }
     }
 
@@ -80,11 +70,16 @@ impl Coated {
         reflected + (Rgb::ONE - reflected) * self.base.albedo(at)
     }
 
+    /// What light that passes the coat counts in the chance for that, against what the coat reflects: about what the base returns of it.
+    fn passing(&self, at: &Incidence) -> f64 {
+        (self.base.albedo(at).element_sum() / 3.0).clamp(LEAST_PASSING, 1.0)
+    }
+
     /// With what density light along `travel` is said to leave along `o` after it was in the coat: for sharing, so that any will do that
     /// is a function of both alone.
     fn sharing(&self, travel: DVec3, o: DVec3) -> f64 {
         let diffuse = cosine_density(DVec3::Z, o);
-        let base = self.base_roughness();
+        let base = self.base.alpha();
         if base >= 1.0 {
             return diffuse;
         }
@@ -127,7 +122,8 @@ impl Coated {
         let entered = if smooth {
             self.coat.enter(arriving, &mut weight, stream)
         } else {
-            let crossed = self.coat.cross(false, arriving, &mut weight, stream, Some(leaving), &mut part);
+            let crossed =
+                self.coat.cross(Some(self.passing(at)), arriving, &mut weight, stream, Some(leaving), &mut part);
             crossed.filter(|crossed| crossed.through).map(|crossed| crossed.travel)
         };
         let Some(mut travel) = entered else { return };
@@ -135,7 +131,7 @@ impl Coated {
         // Between base and coat.
         let ahead = Rgb::splat(self.sharing(arriving, leaving));
         let straight = self.coat.passes_in_one_direction();
-        let at_base = straight || self.base_roughness() >= self.coat.roughness();
+        let at_base = straight || self.base.alpha() >= self.coat.roughness();
         for _ in 0..MOST_LAYERS {
             // What the base sends, and all that is then specular.
             let way = if at_base { self.way_in(leaving, stream) } else { None };
@@ -165,7 +161,7 @@ impl Coated {
                 _ => (Some(leaving).filter(|_| !straight && (!at_base || drawn.density == 0.0)), Rgb::ONE),
             };
             let tell = |weight: Rgb, sent: Scattering| part(weight, Scattering { value: scale * sent.value, ahead });
-            match self.coat.cross(true, drawn.direction, &mut weight, stream, asked, tell) {
+            match self.coat.cross(None, drawn.direction, &mut weight, stream, asked, tell) {
                 Some(crossed) if !crossed.through => travel = crossed.travel,
                 _ => return,
             }
@@ -207,7 +203,7 @@ impl Coated {
 
         // At the coat.
         let Crossed { mut travel, through, density } =
-            self.coat.cross(false, arriving, &mut factor, stream, None, |_, _| {})?;
+            self.coat.cross(Some(self.passing(at)), arriving, &mut factor, stream, None, |_, _| {})?;
         if !through {
             return leaves(travel, factor, density);
         }
@@ -220,7 +216,7 @@ impl Coated {
             if drawn.direction.z <= 0.0 || !self.outlives(&mut factor, stream) {
                 return None;
             }
-            let crossed = self.coat.cross(true, drawn.direction, &mut factor, stream, None, |_, _| {})?;
+            let crossed = self.coat.cross(None, drawn.direction, &mut factor, stream, None, |_, _| {})?;
             travel = crossed.travel;
             specular = specular && drawn.density == 0.0 && crossed.density == 0.0;
             if crossed.through {

@@ -78,6 +78,11 @@ impl Conductor {
         (self.roughness[0] > 0.0 && self.roughness[1] > 0.0).then_some(Ggx { alpha: self.roughness })
     }
 
+    /// α of facets that are the same in all directions, with as high a peak; 0 if it is smooth.
+    pub(super) fn alpha(&self) -> f64 {
+        (self.roughness[0] * self.roughness[1]).sqrt()
+    }
+
     /// What facets send along `o`, one part a facet: see [`Bsdf::toward`](super::Bsdf::toward).
     pub(super) fn toward(
         &self,

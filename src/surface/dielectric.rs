@@ -38,9 +38,20 @@ impl Lobe {
     /// Which light takes that meets a facet: `given`, or drawn by the channels' shares of `weight`. `reflected` is the
     /// part of each channel that is reflected; `weight` is weighted for it.
     pub fn take(given: Option<Lobe>, reflected: Rgb, weight: &mut Rgb, stream: &mut Stream) -> Lobe {
+        Lobe::take_by(given, reflected, |share| share, weight, stream)
+    }
+
+    /// The same, but with a chance to be reflected that `chance` makes of the share that is.
+    pub fn take_by(
+        given: Option<Lobe>,
+        reflected: Rgb,
+        chance: impl FnOnce(f64) -> f64,
+        weight: &mut Rgb,
+        stream: &mut Stream,
+    ) -> Lobe {
         let (lobe, chance) = given.map_or_else(
             || {
-                let chance = (shares(*weight) * reflected).element_sum();
+                let chance = chance((shares(*weight) * reflected).element_sum());
                 if stream.uniform() < chance { (Lobe::Reflected, chance) } else { (Lobe::Refracted, 1.0 - chance) }
             },
             |lobe| (lobe, 1.0),

@@ -12,6 +12,19 @@ pub enum Nature {
     Specular,
 }
 
+impl Nature {
+    /// Of facets that reflect, of which GGX's α is this (of others the α as wide as their lobe). From α = 0.3 on light straight on is sent
+    /// nowhere with more than three times the density of a diffuse surface: there photons tell it as well.
+    pub(super) fn of_facets(alpha: f64) -> Nature {
+        const WIDE: f64 = 0.3;
+        match alpha {
+            WIDE.. => Nature::Diffuse,
+            _ if alpha > 0.0 => Nature::Glossy,
+            _ => Nature::Specular,
+        }
+    }
+}
+
 /// What a vertex sends from one direction to another.
 #[derive(Clone, Copy, Debug)]
 pub struct Scattering {

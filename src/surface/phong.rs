@@ -21,6 +21,11 @@ pub struct Phong {
 }
 
 impl Phong {
+    /// GGX's α of a lobe that is as wide: cosⁿ falls to a half where α = √(2/(n + 2)); 1 if it is diffuse in part.
+    pub(super) fn alpha(&self) -> f64 {
+        if self.diffuse.max_element() > 0.0 { 1.0 } else { (2.0 / (self.exponent + 2.0)).sqrt() }
+    }
+
     /// With what probability a draw is diffuse.
     fn diffuse_chance(&self) -> f64 {
         let [diffuse, specular] = [self.diffuse, self.specular].map(|part| part.element_sum());

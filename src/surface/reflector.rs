@@ -24,14 +24,17 @@ pub enum Reflector {
 impl Reflector {
     #[inline]
     pub(super) fn nature(&self) -> Nature {
+        Nature::of_facets(self.alpha())
+    }
+
+    /// GGX's α of its facets, or one as wide as its lobe; 1 where it is diffuse, or in part.
+    pub(super) fn alpha(&self) -> f64 {
         match self {
-            Reflector::Lambert(_) | Reflector::OrenNayar(_) => Nature::Diffuse,
-            Reflector::Mirror(_) => Nature::Specular,
-            Reflector::Phong(phong) if phong.diffuse.max_element() > 0.0 => Nature::Diffuse,
-            Reflector::Phong(_) => Nature::Glossy,
-            Reflector::Conductor(conductor) if conductor.facets().is_some() => Nature::Glossy,
-            Reflector::Conductor(_) => Nature::Specular,
-            Reflector::Schlick(schlick) => schlick.nature(),
+            Reflector::Lambert(_) | Reflector::OrenNayar(_) => 1.0,
+            Reflector::Mirror(_) => 0.0,
+            Reflector::Phong(phong) => phong.alpha(),
+            Reflector::Conductor(conductor) => conductor.alpha(),
+            Reflector::Schlick(schlick) => schlick.alpha(),
         }
     }
 

@@ -35,12 +35,20 @@ pub(super) struct Visit {
     to: Rgb,
     /// Whether that is the other side than that of arrival.
     beyond: bool,
+    /// What a unit of power that is refracted next counts in the chance for that, against what is reflected: 1 is as it comes.
+    pub passing: f64,
 }
 
 impl Visit {
     /// Turns directions from the side of arrival into those coordinates, and back.
     pub fn turned(&self, direction: DVec3) -> DVec3 {
         if self.beyond { DVec3::new(direction.x, direction.y, -direction.z) } else { direction }
+    }
+
+    /// The chance to be reflected, where the share `reflected` is.
+    fn chance(&self, reflected: f64) -> f64 {
+        let passing = (1.0 - reflected) * self.passing;
+        if self.passing == 1.0 || passing <= 0.0 { reflected } else { reflected / (reflected + passing) }
     }
 }
 
@@ -143,7 +151,7 @@ impl Rough {
     }
 
     pub(super) fn arrive(&self, travel: DVec3) -> Visit {
-        Visit { travel, from: self.from, to: self.to, beyond: false }
+        Visit { travel, from: self.from, to: self.to, beyond: false, passing: 1.0 }
     }
 
     /// Meets a facet. Returns whether light leaves then, for neither side where `None`.
@@ -154,16 +162,17 @@ impl Rough {
         weight: &mut Rgb,
         stream: &mut Stream,
     ) -> Option<bool> {
-        let Visit { travel, from, to, beyond } = visit;
-        let facet = self.normals().visible(-*travel, stream.uniform2());
-        let cos = -travel.dot(facet);
-        if Lobe::take(lobe, reflectance(cos, *from, *to), weight, stream) == Lobe::Reflected {
+        let facet = self.normals().visible(-visit.travel, stream.uniform2());
+        let reflected = reflectance(-visit.travel.dot(facet), visit.from, visit.to);
+        let lobe = Lobe::take_by(lobe, reflected, |share| visit.chance(share), weight, stream);
+        let Visit { travel, from, to, beyond, passing } = visit;
+        if lobe == Lobe::Reflected {
             *travel = reflect(*travel, facet);
         } else {
             let channel = Dielectric::channel(*from, *to, weight, stream)?;
             *travel = Dielectric::refract(*travel, facet, from[channel], to[channel])?;
             travel.z = -travel.z;
-            *beyond = !*beyond;
+            (*beyond, *passing) = (!*beyond, 1.0);
             std::mem::swap(from, to);
         }
         Some(travel.z > 0.0 && stream.uniform() < self.normals().unmasked(*travel))
@@ -182,7 +191,7 @@ impl Rough {
         if o.z > 0.0 {
             let Some((density, cos)) = self.normals().reflection(i, o) else { return NOTHING };
             let reflected = reflectance(cos, from, to);
-            let chance = if both { 1.0 } else { reflected.element_sum() / 3.0 };
+            let chance = if both { 1.0 } else { visit.chance(reflected.element_sum() / 3.0) };
             return Scattering { value: reflected * density, ahead: Rgb::splat(chance * density) };
         }
         // Refracted about a half vector of each channel's own.
@@ -205,13 +214,14 @@ impl Rough {
             if density <= 0.0 || !density.is_finite() {
                 continue;
             }
-            let refracted = Rgb::ONE - reflectance(cos, visit.from, visit.to);
+            let reflected = reflectance(cos, visit.from, visit.to);
+            let refracted = Rgb::ONE - reflected;
             // Where the channels part, one is drawn.
             let chance = match (disperses, both) {
                 (true, true) => refracted[channel] / refracted.element_sum().max(f64::MIN_POSITIVE),
                 (true, false) => refracted[channel] / 3.0,
                 (false, true) => 1.0,
-                (false, false) => refracted[channel],
+                (false, false) => 1.0 - visit.chance(reflected[channel]),
             };
             sent.value[channel] = refracted[channel] * density;
             sent.ahead[channel] = chance * density;

@@ -42,11 +42,13 @@ impl Schlick {
     }
 
     pub(super) fn nature(&self) -> Nature {
-        match self.shares() {
-            [_, diffuse] if diffuse > 0.0 => Nature::Diffuse,
-            [glossy, _] if glossy > 0.0 => Nature::Glossy,
-            _ => Nature::Specular,
-        }
+        Nature::of_facets(self.alpha())
+    }
+
+    /// α of its facets; 1 if it is diffuse in part.
+    pub(super) fn alpha(&self) -> f64 {
+        let [_, diffuse] = self.shares();
+        if diffuse > 0.0 { 1.0 } else { self.roughness.sqrt() }
     }
 
     pub(super) fn albedo(&self, at: &Incidence) -> Rgb {
