@@ -91,7 +91,7 @@ emission = { radiance = [12, 10, 8] }
 #[test]
 fn photons_light_a_room_of_all_materials() {
     let mut checks = Checks::default();
-    let photon = images(8, ROOM, &["render.method=photon", "render.samples=40", "photons.volume=60_000"]);
+    let photon = images(11, ROOM, &["render.method=photon", "render.samples=40", "photons.volume=60_000"]);
     let found = Estimate::over(&photon, |image| [image.mean(); 3]);
     let path = Estimate { mean: [0.328_859; 3], standard_error: [2.5e-4; 3] };
     checks.agree("room", &found, &path, 0.006, 0.005);
@@ -263,7 +263,7 @@ fn polish_lights_fog() {
     let known = Estimate { mean: [0.015_508; 3], standard_error: [2.6e-5; 3] };
     let path = Estimate::of(16, text, &["render.method=path", "render.samples=400"]);
     checks.agree("paths", &path, &known, 0.01, 0.0);
-    let photon = Estimate::of(14, text, &["render.method=photon", "render.samples=60", "photons.volume=30_000"]);
+    let photon = Estimate::of(24, text, &["render.method=photon", "render.samples=60", "photons.volume=30_000"]);
     checks.agree("photons", &photon, &known, 0.01, 0.005);
     checks.finish();
 }

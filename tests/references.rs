@@ -153,7 +153,7 @@ fn a_room_full_of_fog() {
     let path = images(2 * SEEDS, &text, &["render.method=path", "render.samples=4", "film.layers=false"]);
     compare(&mut checks, "path", &path, &reference, &UNBIASED, everywhere);
     let photon = images(
-        SEEDS + SEEDS / 2,
+        SEEDS + SEEDS / 4,
         &text,
         &["render.method=photon", "render.samples=4", "photons.volume=100000", "film.layers=false"],
     );
@@ -213,7 +213,7 @@ fn single_scattering_around_a_point_light() {
             away_from_the_lamp,
         );
         let traced = images(
-            SEEDS,
+            SEEDS + SEEDS / 4,
             &text,
             &["render.method=photon", "volume.single_scattering=traced", "render.samples=8", "film.layers=false"],
         );

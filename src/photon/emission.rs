@@ -1,7 +1,8 @@
 //! Where photons start: lights and glowing media, each drawn in proportion to its power.
 
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
 
+use super::guide::Guide;
 use crate::light::{Departure, DrawnFrom, Light};
 use crate::math::random::Dimension;
 use crate::math::{Bounds, DVec3, Distribution, Frame, Ray, Rgb, Stream, choose, sampling};
@@ -9,7 +10,7 @@ use crate::scene::{Glow, Inside, Scene};
 use crate::surface::Material;
 
 /// All sources of photons of a scene.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Sources<'s> {
     scene: &'s Scene,
     sources: Vec<Source<'s>>,
@@ -24,12 +25,22 @@ pub struct Sources<'s> {
 }
 
 /// A sphere that photons are aimed at.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Target {
     center: DVec3,
     radius: f64,
     /// The share of photons that are aimed at it.
     share: f64,
+    /// Where on it, if that is learnt: of directions, by 1 − cos θ as a share of its most, and the turn; of parallel light by the
+    /// distance's square and the turn.
+    guide: Option<Guide>,
+}
+
+/// At which target a photon was aimed, and where on it.
+#[derive(Clone, Copy, Debug)]
+pub struct Aim {
+    target: u32,
+    place: [f64; 2],
 }
 
 /// The share of photons that are aimed at the spheres around solids, once photons are.
@@ -46,7 +57,7 @@ const AIMED: f64 = 0.95;
 /// photons may be wrong.
 const BY_POWER: f64 = 0.25;
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 enum Source<'s> {
     /// A light, and the solids around it where they are the same for all of it.
     Light(u32, Option<Inside>),
@@ -66,6 +77,8 @@ pub struct Start {
     pub from_light: bool,
     /// The number of its source.
     pub source: u32,
+    /// At what it was aimed, if it was.
+    pub aim: Option<Aim>,
 }
 
 impl<'s> Sources<'s> {
@@ -114,10 +127,10 @@ impl<'s> Sources<'s> {
         let closest = targets.len();
         let whole = self.scene.surroundings.radius;
         for index in 0..closest {
-            let mut target = targets[index];
+            let mut target = targets[index].clone();
             while target.radius > 0.0 && target.radius * WIDER < whole {
                 target.radius *= WIDER;
-                targets.push(target);
+                targets.push(target.clone());
             }
         }
         self.aim_at(targets, closest, [CLOSEST, AROUND]);
@@ -132,14 +145,14 @@ impl<'s> Sources<'s> {
             .map(|(shape, _)| {
                 let (center, radius) = self.scene.geometry.bounding_sphere(shape);
                 // The light that just grazes it, too.
-                Target { center, radius: radius * (1.0 + 1e-9), share: 0.0 }
+                Target { center, radius: radius * (1.0 + 1e-9), share: 0.0, guide: None }
             })
             .collect();
         if targets.len() > most {
             let all = targets.iter().fold(Bounds::EMPTY, |all, target| {
                 all.union(Bounds { min: target.center, max: target.center }.grown(target.radius))
             });
-            targets = vec![Target { center: all.center(), radius: 0.5 * all.diagonal(), share: 0.0 }];
+            targets = vec![Target { center: all.center(), radius: 0.5 * all.diagonal(), share: 0.0, guide: None }];
         }
         let all = targets.len();
         self.aim_at(targets, all, [AIMED, 0.0]);
@@ -154,6 +167,22 @@ impl<'s> Sources<'s> {
         }
         self.unaimed = 1.0 - targets.iter().map(|target| target.share).sum::<f64>();
         (self.targets, self.closest) = (targets, closest);
+    }
+
+    /// Aims anew: at each target, and where on it, about as much as photons of use were aimed there, by their powers. The light is the
+    /// same.
+    pub fn learn(&mut self, useful: &[(Aim, f64)]) {
+        let total: f64 = useful.iter().map(|(_, power)| power).sum();
+        if !total.is_normal() {
+            return;
+        }
+        let aimed = 1.0 - self.unaimed;
+        for (index, target) in (0..).zip(&mut self.targets) {
+            let here = || useful.iter().filter(|(aim, _)| aim.target == index);
+            let learnt = aimed * here().map(|(_, power)| power).sum::<f64>() / total;
+            target.share = BY_POWER * target.share + (1.0 - BY_POWER) * learnt;
+            target.guide = Guide::new(here().map(|(aim, power)| (aim.place, *power)));
+        }
     }
 
     /// Draws a direction from `from` towards one of the solids that photons are aimed at, if they are.
@@ -171,39 +200,47 @@ impl<'s> Sources<'s> {
 
     /// Draws a photon's start anew, from what it was drawn from and from what goes towards a target: the power is
     /// weighted by the density of the first over that of both together.
-    fn redraw(&self, departure: Departure, stream: &mut Stream) -> Option<Departure> {
+    fn redraw(&self, departure: Departure, stream: &mut Stream) -> Option<(Departure, Option<Aim>)> {
         let Departure { ray, power, spread } = departure;
         if self.targets.is_empty() || spread == DrawnFrom::Other {
-            return Some(departure);
+            return Some((departure, None));
         }
         let shares = self.targets.iter().map(|target| target.share).chain([self.unaimed]);
         let [which, place @ ..] = stream.draw(Dimension::Aim, |stream| [(); 3].map(|()| stream.uniform()));
-        let target = choose(shares, 1.0, which).and_then(|choice| self.targets.get(choice.index));
+        let chosen = choose(shares, 1.0, which).map_or(0, |choice| choice.index);
+        let target = self.targets.get(chosen);
+        let place = target.and_then(|target| target.guide.as_ref()).map_or(place, |guide| guide.place(place));
+        let aim = target.map(|_| Aim { target: chosen as u32, place });
         if spread == DrawnFrom::Disc {
             let whole = self.scene.surroundings;
             let frame = Frame::around(ray.direction);
             let origin = match target {
                 None => ray.origin,
                 Some(Target { center, radius, .. }) => {
-                    let (x, y) = sampling::disc(place);
-                    let p = *center + *radius * (x * frame.x + y * frame.y);
+                    let (s, c) = (TAU * place[1]).sin_cos();
+                    let p = *center + *radius * place[0].sqrt() * (c * frame.x + s * frame.y);
                     p - ((p - whole.center).dot(ray.direction) + whole.radius) * ray.direction
                 }
             };
             let aside = |center: DVec3| {
                 let offset = origin - center;
-                (offset - offset.dot(ray.direction) * ray.direction).length_squared()
+                offset - offset.dot(ray.direction) * ray.direction
             };
             // Areas of discs, in units of the whole one.
-            let density: f64 = self
-                .targets
-                .iter()
-                .filter(|target| aside(target.center) <= target.radius * target.radius)
-                .map(|target| target.share * (whole.radius / target.radius).powi(2))
-                .sum();
-            let weight = if aside(whole.center) <= whole.radius * whole.radius { 1.0 } else { 0.0 };
+            let density = |target: &Target| {
+                let offset = aside(target.center);
+                let squared = offset.length_squared() / (target.radius * target.radius);
+                let place = || [squared, turn(offset.dot(frame.x), offset.dot(frame.y))];
+                if squared <= 1.0 {
+                    target.share * (whole.radius / target.radius).powi(2) * target.guided(place)
+                } else {
+                    0.0
+                }
+            };
+            let density: f64 = self.targets.iter().map(density).sum();
+            let weight = if aside(whole.center).length_squared() <= whole.radius * whole.radius { 1.0 } else { 0.0 };
             let power = power * (weight / (weight * self.unaimed + density));
-            return Some(Departure { ray: Ray::new(origin, ray.direction), power, spread });
+            return Some((Departure { ray: Ray::new(origin, ray.direction), power, spread }, aim));
         }
         let direction = target.map_or(ray.direction, |target| target.towards(ray.origin, place));
         let own = match spread {
@@ -212,7 +249,7 @@ impl<'s> Sources<'s> {
         };
         let density: f64 = self.targets.iter().map(|target| target.share * target.density(ray.origin, direction)).sum();
         let power = power * (own / (own * self.unaimed + density));
-        Some(Departure { ray: Ray::new(ray.origin, direction), power, spread }).filter(|_| own > 0.0)
+        (own > 0.0).then(|| (Departure { ray: Ray::new(ray.origin, direction), power, spread }, aim))
     }
 
     /// Draws sources anew in shares with which photons of all of them arrive with about the same power, given the sources
@@ -234,6 +271,11 @@ impl<'s> Sources<'s> {
         }
         let mixed = |(share, wanted): (&f64, f64)| BY_POWER * share + (1.0 - BY_POWER) * wanted / total;
         self.shares = Distribution::new(shares.iter().zip(wanted).map(mixed));
+    }
+
+    /// Whether photons may be drawn in more than one way.
+    pub fn have_choices(&self) -> bool {
+        self.sources.len() > 1 || !self.targets.is_empty()
     }
 
     /// Whether nothing shines.
@@ -263,6 +305,7 @@ impl<'s> Sources<'s> {
             inside,
             from_light: false,
             source: 0,
+            aim: None,
         })
     }
 
@@ -270,7 +313,7 @@ impl<'s> Sources<'s> {
         let light = &self.scene.lights[index as usize];
         let depart = |stream: &mut Stream| light.depart(&self.scene.geometry, &self.scene.surroundings, stream);
         let departure = stream.draw(Dimension::Departure, depart)?;
-        let Departure { ray, mut power, .. } = self.redraw(departure, stream)?;
+        let (Departure { ray, mut power, .. }, aim) = self.redraw(departure, stream)?;
         if light.is_infinite() {
             // What it lost in the world's medium before it came near.
             if let Some(world) = self.scene.world {
@@ -278,10 +321,10 @@ impl<'s> Sources<'s> {
                 let back = Ray::new(ray.origin, -ray.direction);
                 power *= medium.transmittance(medium.density.depth(&back, 0.0, f64::INFINITY));
             }
-            return Some(Start { ray, power, inside: Inside::default(), from_light: true, source: 0 });
+            return Some(Start { ray, power, inside: Inside::default(), from_light: true, source: 0, aim });
         }
         let inside = inside.cloned().unwrap_or_else(|| self.scene.inside(ray.origin));
-        Some(Start { ray, power, inside, from_light: true, source: 0 })
+        Some(Start { ray, power, inside, from_light: true, source: 0, aim })
     }
 }
 
@@ -289,7 +332,7 @@ impl Target {
     /// The sphere around a shape, with no share yet.
     fn around(scene: &Scene, shape: u32) -> Target {
         let bounds = scene.geometry.bounds(shape);
-        Target { center: bounds.center(), radius: 0.5 * bounds.diagonal(), share: 0.0 }
+        Target { center: bounds.center(), radius: 0.5 * bounds.diagonal(), share: 0.0, guide: None }
     }
 
     /// 1 − cos of the half-angle under which it is seen; all around from inside of it.
@@ -312,9 +355,27 @@ impl Target {
     /// The density of that per steradian.
     fn density(&self, from: DVec3, direction: DVec3) -> f64 {
         let opening = self.opening(from);
-        let inside = self.axis(from).is_none_or(|axis| 0.5 * (axis - direction).length_squared() <= opening);
-        if inside { 1.0 / (2.0 * PI * opening) } else { 0.0 }
+        let axis = self.axis(from).unwrap_or(DVec3::Z);
+        let lower = 0.5 * (axis - direction).length_squared();
+        if lower > opening {
+            return 0.0;
+        }
+        let place = || {
+            let Frame { x, y, .. } = Frame::around(axis);
+            [lower / opening, turn(direction.dot(x), direction.dot(y))]
+        };
+        self.guided(place) / (2.0 * PI * opening)
     }
+
+    /// By how much denser photons are aimed at a place on it than evenly.
+    fn guided(&self, place: impl FnOnce() -> [f64; 2]) -> f64 {
+        self.guide.as_ref().map_or(1.0, |guide| guide.density(place()))
+    }
+}
+
+/// The direction of (x, y) as a share of a full turn from x.
+fn turn(x: f64, y: f64) -> f64 {
+    (y.atan2(x) / TAU).rem_euclid(1.0)
 }
 
 /// The solids around a light with this box, if they are certain to be the same for all photons that leave it.

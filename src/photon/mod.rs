@@ -10,6 +10,7 @@
 mod balls;
 pub(crate) mod discs;
 mod emission;
+mod guide;
 mod history;
 mod instructions;
 pub mod kernel;

@@ -8,7 +8,7 @@ use std::ops::ControlFlow;
 
 use rayon::prelude::*;
 
-use super::emission::{Sources, Start};
+use super::emission::{Aim, Sources, Start};
 use super::history::History;
 use super::tracer::in_chunks;
 use super::{PackedNormal, Photon};
@@ -62,15 +62,23 @@ pub struct Landed {
     scattered: u64,
     /// and those of them that were scattered by a surface last.
     exchanged: u64,
+    /// Of each, while it is noted, where it started and its power.
+    origins: Vec<(Origin, f64)>,
     /// Counts of mishaps.
     pub tally: Tally,
 }
+
+/// Where a photon started: the number of its source, and at what it was aimed, if it was.
+type Origin = (u32, Option<Aim>);
 
 /// Emissions of the pilot that tells the yield.
 const PILOT: u64 = 1 << 13;
 /// No more emissions than so many for each photon that is wanted: light that hardly ever meets a lens is no caustic worth
 /// more.
 const MOST_EMISSIONS: u64 = 16;
+
+/// What is learnt is used where it lands photons worth so many times as many of even power.
+const BETTER: f64 = 1.2;
 
 /// Specular surfaces that are aimed at one by one, at most: every photon asks every target for its density.
 const MOST_TARGETS: usize = 64;
@@ -111,12 +119,13 @@ pub fn trace_surfaces(
         Kind::Caustic => Sources::of_lights(scene),
         Kind::Global => Sources::new(scene),
     };
-    let mut tracer = SurfaceTracer { scene, pass, sources: sources() };
+    let mut tracer = SurfaceTracer { scene, pass, sources: sources(), notes: true };
     if tracer.sources.is_empty() {
         return Landed::default();
     }
 
-    // Aimed, at what bends light or at all there is, or not: whichever lands more; photons that are not aimed are more alike.
+    // Aimed, at what bends light or at all there is, or not: whichever lands more. Photons that are not aimed are more alike, but those
+    // that are may learn.
     let pilot = |tracer: &SurfaceTracer<'_>| {
         let landed = tracer.run(Purpose::Pilot, PILOT, &|_, _| {}, stop);
         (landed.photons.len() as u64, landed)
@@ -125,15 +134,15 @@ pub fn trace_surfaces(
     let favour = match pass.kind {
         Kind::Caustic => {
             tracer.sources.aim_at_surfaces(Material::is_partly_specular, MOST_TARGETS);
-            1
+            0.8
         }
         Kind::Global => {
             tracer.sources.aim_at_surfaces(spreads, 1);
-            2
+            2.0
         }
     };
     let (mut stored, mut found) = pilot(&tracer);
-    if bare.saturating_mul(favour) > stored {
+    if favour * bare as f64 > stored as f64 {
         tracer.sources = sources();
         (stored, found) = (bare, without);
     }
@@ -143,6 +152,19 @@ pub fn trace_surfaces(
     if pass.needs_exchange && found.exchanged < FEWEST {
         return Landed { from_media_only: found.scattered >= FEWEST, ..Landed::default() };
     }
+
+    // From which sources photons come that are of use, and aimed whither.
+    if tracer.sources.have_choices() {
+        let mut learnt = SurfaceTracer { sources: tracer.sources.clone(), ..tracer };
+        let origins = || found.origins.iter();
+        learnt.sources.even_out(&origins().map(|&((source, _), power)| (source, power)).collect::<Vec<_>>());
+        learnt.sources.learn(&origins().filter_map(|&((_, aim), power)| Some((aim?, power))).collect::<Vec<_>>());
+        let (more, with) = pilot(&learnt);
+        if evenly(&with.photons) > BETTER * evenly(&found.photons) {
+            (tracer, stored) = (learnt, more);
+        }
+    }
+    tracer.notes = false;
 
     let most = pass.target.saturating_mul(MOST_EMISSIONS).min(pass.max_emitted);
     let wanted = pass.target.saturating_mul(PILOT) / stored;
@@ -157,11 +179,19 @@ pub fn trace_surfaces(
     landed
 }
 
+/// How many photons of even power are as good, (Σ Φ)²/Σ Φ².
+fn evenly(photons: &[Photon]) -> f64 {
+    let powers = || photons.iter().map(|photon| f64::from(photon.power.element_sum()));
+    powers().sum::<f64>().powi(2) / powers().map(|power| power * power).sum::<f64>().max(f64::MIN_POSITIVE)
+}
+
 /// What all of them share.
 struct SurfaceTracer<'s> {
     scene: &'s Scene,
     pass: &'s SurfacePass,
     sources: Sources<'s>,
+    /// Whether it is noted where photons started.
+    notes: bool,
 }
 
 impl<'s> SurfaceTracer<'s> {
@@ -185,6 +215,7 @@ impl<'s> SurfaceTracer<'s> {
             all.emitted += chunk.emitted;
             all.scattered += chunk.scattered;
             all.exchanged += chunk.exchanged;
+            all.origins.extend(chunk.origins);
             all.tally = all.tally.merge(chunk.tally);
             all.photons.extend(chunk.photons);
         }
@@ -192,7 +223,7 @@ impl<'s> SurfaceTracer<'s> {
     }
 
     fn emit(&self, stream: &mut Stream, found: &mut Landed, parts: &mut Parts<'s, Remembered>) {
-        let Some(Start { ray, power, inside, from_light, .. }) = self.sources.start(stream) else { return };
+        let Some(Start { ray, power, inside, from_light, source, aim }) = self.sources.start(stream) else { return };
         if !power.is_finite() {
             found.tally.broken += 1;
             return;
@@ -200,7 +231,7 @@ impl<'s> SurfaceTracer<'s> {
         let own = Remembered { history: History::new(from_light), from_surface: false, ahead: Ahead::default() };
         let start =
             Part { walk: Walk::start(self.scene, ray, inside), luggage: Luggage::new(power, own), collision: None };
-        travel(&mut Landing { tracer: self, found, stream }, start, parts);
+        travel(&mut Landing { tracer: self, found, stream, origin: self.notes.then_some((source, aim)) }, start, parts);
     }
 }
 
@@ -218,6 +249,8 @@ struct Landing<'f, 's> {
     tracer: &'f SurfaceTracer<'s>,
     found: &'f mut Landed,
     stream: &'f mut Stream,
+    /// Where it started, if that is noted.
+    origin: Option<Origin>,
 }
 
 impl<'s> Traveller<'s> for Landing<'_, 's> {
@@ -290,6 +323,7 @@ impl Landing<'_, '_> {
     fn deposit(&mut self, at: &Interaction, luggage: &Luggage<Remembered>) {
         self.found.scattered += u64::from(luggage.own.history.is_scattered());
         self.found.exchanged += u64::from(luggage.own.from_surface);
+        self.found.origins.extend(self.origin.map(|origin| (origin, luggage.weight.element_sum())));
         let Incidence { direction, normal, shading_normal, .. } = at.incidence;
         let seen = direction.dot(shading_normal).min(0.0) / direction.dot(normal).min(-f64::MIN_POSITIVE);
         let seen = if at.bsdf.lambertian().is_some() { seen } else { 1.0 };
@@ -329,8 +363,8 @@ mod tests {
         caustics.photons.iter().map(|photon| f64::from(photon.power.x)).sum()
     }
 
-    /// A mirror sends on what it gets of a lamp, all of which lands on the walls around: the solid angle of a disc under 45°. Aimed
-    /// photons bring it with equal power each, and a pane that only lets light pass sends nothing but what it mirrors.
+    /// A mirror sends on what it gets of a lamp, all of which lands on the walls around: the solid angle of a disc under 45°, a
+    /// seventh of the sphere. Aimed photons learn where it is, and bring it with about equal power each, and a pane that only lets light pass sends nothing but what it mirrors.
     #[test]
     fn caustics_carry_the_light_that_is_bent() {
         let room = |shape: &str| {
@@ -347,9 +381,17 @@ mod tests {
         let caustics = landed(&room(&disc("silver")), Kind::Caustic);
         let expected = 3.0 * 2.0 * PI * (1.0 - 0.5f64.sqrt()) * 0.8;
         assert!((power(&caustics) / expected - 1.0).abs() < 0.01, "{}, not {expected}", power(&caustics));
-        let powers = caustics.photons.iter().map(|photon| photon.power.x);
-        let (least, most) = powers.fold((f32::MAX, 0f32), |(a, b), power| (a.min(power), b.max(power)));
-        assert!(most < 1.001 * least, "{least} to {most}");
+        let share = caustics.photons.len() as f64 / caustics.emitted as f64;
+        let even = evenly(&caustics.photons) / caustics.photons.len() as f64;
+        assert!(share > 0.5 && even > 0.8, "{share} land, worth {even} of as many");
+
+        // A strong lamp far away beside it, of whose light little comes to the mirror.
+        let lamp = "[[lights]]\ntype = \"point\"\nposition = [0, 4.5, 0]\nintensity = 30\n";
+        let caustics = landed(&(room(&disc("silver")) + lamp), Kind::Caustic);
+        let expected = expected + 30.0 * 2.0 * PI * (1.0 - 4.5 / 4.5f64.hypot(1.0)) * 0.8;
+        assert!((power(&caustics) / expected - 1.0).abs() < 0.01, "{}, not {expected}", power(&caustics));
+        let even = evenly(&caustics.photons) / caustics.photons.len() as f64;
+        assert!(even > 0.6, "worth {even} of as many");
 
         // R = 2F/(1 + F) of a pane, averaged over the disc's solid angle.
         let mirrored = |cos: f64| {

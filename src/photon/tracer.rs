@@ -161,7 +161,7 @@ impl<'s> Tracer<'s> {
 
     /// Emits one photon, and follows it and all that is split off it.
     fn emit(&self, stream: &mut Stream, chunk: &mut Chunk, parts: &mut Parts<'s, Remembered>) {
-        let Some(Start { ray, power, inside, from_light, source }) = self.sources.start(stream) else { return };
+        let Some(Start { ray, power, inside, from_light, source, .. }) = self.sources.start(stream) else { return };
         if !power.is_finite() {
             chunk.tally.broken += 1;
             return;
