@@ -364,7 +364,8 @@ mod tests {
     }
 
     /// A mirror sends on what it gets of a lamp, all of which lands on the walls around: the solid angle of a disc under 45°, a
-    /// seventh of the sphere. Aimed photons learn where it is, and bring it with about equal power each, and a pane that only lets light pass sends nothing but what it mirrors.
+    /// seventh of the sphere. Aimed photons learn where it is, and bring it with about equal power each; a pane that only lets light pass
+    /// sends nothing but what it mirrors.
     #[test]
     fn caustics_carry_the_light_that_is_bent() {
         let room = |shape: &str| {

@@ -150,9 +150,9 @@ impl Coat {
         }
     }
 
-    /// Meets it from inside, or from outside: then with what light that passes first counts for the chance, its part if the base
-    /// returns that much of it. `part` is told what it sends along `asked`, with the weight that comes to each part: all
-    /// that a dielectric sends there, what Schlick's layer reflects there.
+    /// Meets it from inside, or from outside with `passing`: what light that a dielectric's first facet lets in counts in the chance for
+    /// that, against what is reflected. `part` is told what it sends along `asked`, with the weight that comes to each part: all that a
+    /// dielectric sends there, what Schlick's layer reflects there.
     pub(super) fn cross(
         &self,
         passing: Option<f64>,
