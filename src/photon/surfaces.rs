@@ -84,7 +84,7 @@ const BETTER: f64 = 1.2;
 const MOST_TARGETS: usize = 64;
 
 /// Where fewer of the pilot's photons land, there is no map: paths find that light by chance.
-const FEWEST: u64 = 8;
+const FEWEST: usize = 8;
 
 /// Whether a surface spreads light.
 fn spreads(material: &Material) -> bool {
@@ -115,22 +115,19 @@ pub fn trace_surfaces(
     progress: &(impl Fn(u64, u64) + Sync),
     stop: &(impl Fn() -> bool + Sync),
 ) -> Landed {
-    let sources = || match pass.kind {
+    let sources = match pass.kind {
         Kind::Caustic => Sources::of_lights(scene),
         Kind::Global => Sources::new(scene),
     };
-    let mut tracer = SurfaceTracer { scene, pass, sources: sources(), notes: true };
+    let mut tracer = SurfaceTracer { scene, pass, sources: sources.clone(), notes: true };
     if tracer.sources.is_empty() {
         return Landed::default();
     }
 
     // Aimed, at what bends light or at all there is, or not: whichever lands more. Photons that are not aimed are more alike, but those
     // that are may learn.
-    let pilot = |tracer: &SurfaceTracer<'_>| {
-        let landed = tracer.run(Purpose::Pilot, PILOT, &|_, _| {}, stop);
-        (landed.photons.len() as u64, landed)
-    };
-    let (bare, without) = pilot(&tracer);
+    let pilot = |tracer: &SurfaceTracer<'_>| tracer.run(Purpose::Pilot, PILOT, &|_, _| {}, stop);
+    let bare = pilot(&tracer);
     let favour = match pass.kind {
         Kind::Caustic => {
             tracer.sources.aim_at_surfaces(Material::is_partly_specular, MOST_TARGETS);
@@ -141,16 +138,15 @@ pub fn trace_surfaces(
             2.0
         }
     };
-    let (mut stored, mut found) = pilot(&tracer);
-    if favour * bare as f64 > stored as f64 {
-        tracer.sources = sources();
-        (stored, found) = (bare, without);
+    let mut found = pilot(&tracer);
+    if favour * bare.photons.len() as f64 > found.photons.len() as f64 {
+        (tracer.sources, found) = (sources, bare);
     }
-    if stored < FEWEST {
+    if found.photons.len() < FEWEST {
         return Landed::default();
     }
-    if pass.needs_exchange && found.exchanged < FEWEST {
-        return Landed { from_media_only: found.scattered >= FEWEST, ..Landed::default() };
+    if pass.needs_exchange && found.exchanged < FEWEST as u64 {
+        return Landed { from_media_only: found.scattered >= FEWEST as u64, ..Landed::default() };
     }
 
     // From which sources photons come that are of use, and aimed whither.
@@ -159,15 +155,15 @@ pub fn trace_surfaces(
         let origins = || found.origins.iter();
         learnt.sources.even_out(&origins().map(|&((source, _), power)| (source, power)).collect::<Vec<_>>());
         learnt.sources.learn(&origins().filter_map(|&((_, aim), power)| Some((aim?, power))).collect::<Vec<_>>());
-        let (more, with) = pilot(&learnt);
+        let with = pilot(&learnt);
         if evenly(&with.photons) > BETTER * evenly(&found.photons) {
-            (tracer, stored) = (learnt, more);
+            (tracer, found) = (learnt, with);
         }
     }
     tracer.notes = false;
 
     let most = pass.target.saturating_mul(MOST_EMISSIONS).min(pass.max_emitted);
-    let wanted = pass.target.saturating_mul(PILOT) / stored;
+    let wanted = pass.target.saturating_mul(PILOT) / found.photons.len() as u64;
     let emitted = wanted.clamp(1, most.max(1));
     let purpose = match pass.kind {
         Kind::Caustic => Purpose::Caustic,

@@ -77,7 +77,7 @@ impl Coat {
     pub(super) fn nature(&self) -> Nature {
         match self {
             Coat::Dielectric(varnish) => Nature::of_facets(varnish.roughness),
-            Coat::Schlick(schlick) => schlick.nature(),
+            Coat::Schlick(schlick) => Nature::of_facets(schlick.alpha()),
         }
     }
 

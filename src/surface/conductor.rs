@@ -80,7 +80,8 @@ impl Conductor {
 
     /// α of facets that are the same in all directions, with as high a peak; 0 if it is smooth.
     pub(super) fn alpha(&self) -> f64 {
-        (self.roughness[0] * self.roughness[1]).sqrt()
+        // The roots first: a product might vanish where neither is 0.
+        self.roughness[0].sqrt() * self.roughness[1].sqrt()
     }
 
     /// What facets send along `o`, one part a facet: see [`Bsdf::toward`](super::Bsdf::toward).

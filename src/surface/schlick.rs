@@ -2,7 +2,7 @@ use super::coat::Crossed;
 use super::ggx::MOST_FACETS;
 use super::lambert::{cosine, cosine_density};
 use super::mirror::reflect;
-use super::{Conductor, Drawn, Fresnel, Incidence, Lobe, Nature, Parameter, Scattering};
+use super::{Conductor, Drawn, Fresnel, Incidence, Lobe, Parameter, Scattering};
 use crate::math::{DVec3, Rgb, Stream};
 
 /// Schlick's surface of one layer (Schlick 1994; Jensen 2001, Eq. 2.33–2.41): from a mirror to a diffuse one by one number.
@@ -39,10 +39,6 @@ impl Schlick {
     fn facets(&self) -> Conductor {
         let (alpha, stretch) = (self.roughness.sqrt(), self.isotropy.sqrt());
         Conductor { fresnel: self.fresnel(), roughness: [alpha * stretch, alpha / stretch] }
-    }
-
-    pub(super) fn nature(&self) -> Nature {
-        Nature::of_facets(self.alpha())
     }
 
     /// α of its facets; 1 if it is diffuse in part.
