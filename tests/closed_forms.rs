@@ -57,7 +57,7 @@ fn a_glowing_sphere_around_an_absorber() {
                 "{}[media.fog]\nsigma_a = {sigma}\n[materials.wall]\ntype = \"lambert\"\nreflectance = {a}\n\
                  [[shapes]]\ntype = \"sphere\"\ncenter = [0, 0, 0]\nradius = {radius}\nmaterial = \"wall\"\n\
                  interior = \"fog\"\nemission = {{ radiance = 1.0, side = \"in\" }}\n",
-                along_z(0.0, 90.0, method, if method == "path" { 1 << 17 } else { 1 << 13 })
+                along_z(0.0, 90.0, method, if method == "path" { 1 << 14 } else { 1 << 11 })
             );
             // Indirect light by paths, without bias.
             let found = Estimate::of(16, &text, &["surface.indirect=path"]);
@@ -81,7 +81,7 @@ fn a_half_space_under_an_even_sky() {
              [[shapes]]\ntype = \"box\"\nmin = [-1500, -1500, -60]\nmax = [1500, 1500, 0]\ninterior = \"fog\"\n\
              [[shapes]]\ntype = \"quad\"\norigin = [-4000, -4000, -60.1]\nedge_u = [8000, 0, 0]\n\
              edge_v = [0, 8000, 0]\nmaterial = \"black\"\n",
-            along_z(5.0, 1.0, "path", 20_000)
+            along_z(5.0, 1.0, "path", 5_000)
         );
         let found = Estimate::of(32, &text, &[]);
         checks.agree(&format!("albedo {albedo}"), &found, &Estimate::exact([expected; 3]), 0.003, 0.0);
@@ -124,7 +124,9 @@ fn a_furnace_of_lossless_solids_by_path_tracing() {
                     along_z(z, 30.0, "path", samples),
                     ball(material)
                 );
-                let found = Estimate::of(24, &text, &[]);
+                // Behind glass, grey light loses nothing by any path: no estimate of it varies.
+                let exact = kind == "dielectric" && samples < 1000;
+                let found = Estimate::of(if exact { 3 } else { 24 }, &text, &[]);
                 let what = format!("{name}, {kind}, {place}");
                 checks.agree(&what, &found, &Estimate::exact([expected; 3]), 0.008, 0.0);
             }
@@ -138,7 +140,7 @@ fn a_furnace_of_lossless_solids_by_path_tracing() {
 fn a_closed_furnace() {
     let mut checks = Checks::default();
     for method in BOTH {
-        let mut text = along_z(0.8, 70.0, method, if method == "path" { 1 << 13 } else { 1 << 11 });
+        let mut text = along_z(0.8, 70.0, method, 1 << 10);
         write!(
             text,
             "[photons]\nvolume = 300_000\n[media.fog]\nsigma_s = 0.8\n[materials.wall]\ntype = \"lambert\"\nreflectance = 0.6\n\
@@ -313,7 +315,7 @@ fn a_furnace_of_lossless_solids_by_photons() {
             );
             let one = Estimate::exact([1.0; 3]);
             let of = |photons: u32| Estimate::of(5, &text, &[&format!("photons.volume={photons}")]);
-            let (few, many) = (of(10_000).bias(&one), of(160_000).bias(&one));
+            let (few, many) = (of(10_000).bias(&one), of(80_000).bias(&one));
             for c in 0..3 {
                 let ((before, noise), (after, left)) = (few[c], many[c]);
                 let shrinks = after.abs() <= 0.5 * before.abs() + 3.0 * left.hypot(0.5 * noise);

@@ -150,7 +150,7 @@ fn a_room_full_of_fog() {
     let mut checks = Checks::default();
     let text = scene_text("reference/cornell_fog/scene.toml");
     let reference = Reference::made_by_others("cornell_fog");
-    let path = images(2 * SEEDS, &text, &["render.method=path", "render.samples=4", "film.layers=false"]);
+    let path = images(SEEDS, &text, &["render.method=path", "render.samples=4", "film.layers=false"]);
     compare(&mut checks, "path", &path, &reference, &UNBIASED, everywhere);
     let photon = images(
         SEEDS + SEEDS / 4,
@@ -172,8 +172,8 @@ fn smoke_in_a_grid() {
         "density = { type = \"vdb\", file = \"reference/smoke_grid/smoke_grid_64.vdb\", grid = \"density\" }",
     );
     let reference = Reference::made_by_others("smoke_grid");
-    let path = ["render.method=path", "render.samples=6", "film.layers=false"];
-    let photon = ["render.method=photon", "render.samples=4", "photons.volume=100000", "film.layers=false"];
+    let path = ["render.method=path", "render.samples=4", "film.layers=false"];
+    let photon = ["render.method=photon", "render.samples=2", "photons.volume=100000", "film.layers=false"];
     compare(&mut checks, "path", &images(SEEDS, &npy, &path), &reference, &UNBIASED, everywhere);
     compare(&mut checks, "photon", &images(SEEDS, &npy, &photon), &reference, &BLURRED_SMOKE, everywhere);
     // ---- one grid, read from either file
@@ -215,7 +215,7 @@ fn single_scattering_around_a_point_light() {
         let traced = images(
             SEEDS + SEEDS / 4,
             &text,
-            &["render.method=photon", "volume.single_scattering=traced", "render.samples=8", "film.layers=false"],
+            &["render.method=photon", "volume.single_scattering=traced", "render.samples=4", "film.layers=false"],
         );
         compare(
             &mut checks,

@@ -74,7 +74,7 @@ fn fog_with_a_lamp() {
     let by_path = |mean, standard_error| Estimate { mean: [mean; 3], standard_error: [standard_error; 3] };
     // Light scattered once, or reflected once: no photon takes part.
     let path = by_path(0.344_058, 4.8e-4);
-    let traced = of(ROOM, 16, 50, &[PHOTON, TRACED, "render.max_depth=1"]);
+    let traced = of(ROOM, 16, 20, &[PHOTON, TRACED, "render.max_depth=1"]);
     checks.agree("one event", &traced, &path, 0.006, 0.0);
     for step in ["uniform", "adaptive", "exponential"] {
         let [step_is, size_is] = march(step, 0.5);
@@ -85,7 +85,7 @@ fn fog_with_a_lamp() {
     let text = format!("{ROOM}{MIRROR}");
     let seen_twice = ["materials.wall.reflectance=0", "render.max_depth=2"];
     let path = by_path(0.531_897, 8.2e-4);
-    let traced = of(&text, 16, 160, &[&seen_twice[..], &[PHOTON, TRACED, "photons.volume=100_000"]].concat());
+    let traced = of(&text, 16, 90, &[&seen_twice[..], &[PHOTON, TRACED, "photons.volume=100_000"]].concat());
     checks.agree("in a mirror", &traced, &path, 0.006, 0.004);
     // All light; most of the noise is that of walls. Photons of the second collision on are blurred, but count for less.
     let path = by_path(0.928_810, 1.4e-3);
@@ -131,18 +131,18 @@ position = [2, 1, 1]
 target = [0, 0, 0]
 intensity = 10
 "#;
-    let path = of(text, 16, 50, &[PATH, "render.max_depth=1"]);
-    let traced = of(text, 16, 40, &[PHOTON, TRACED, "render.max_depth=1"]);
+    let path = of(text, 16, 25, &[PATH, "render.max_depth=1"]);
+    let traced = of(text, 16, 20, &[PHOTON, TRACED, "render.max_depth=1"]);
     checks.agree("one event", &traced, &path, 0.006, 0.0);
     for step in ["uniform", "adaptive", "exponential"] {
         let [step_is, size_is] = march(step, 0.4);
         let set = [PHOTON, TRACED, "render.max_depth=1", &step_is, &size_is];
-        let marched = of(text, 16, 6, &set);
+        let marched = of(text, 16, 3, &set);
         checks.agree(&format!("one event, {step} steps"), &marched, &path, 0.006, 0.0);
     }
     // Path tracing found this once (384 seeds of 80 samples).
     let known = Estimate { mean: [0.291_062; 3], standard_error: [1.6e-4; 3] };
-    checks.agree("all light, paths", &of(text, 16, 40, &[PATH]), &known, 0.006, 0.0);
+    checks.agree("all light, paths", &of(text, 16, 20, &[PATH]), &known, 0.006, 0.0);
     let traced = of(text, 5, 16, &[PHOTON, TRACED, "photons.volume=100_000"]);
     checks.agree("all light, traced", &traced, &known, 0.006, 0.01);
     checks.finish();
@@ -186,9 +186,9 @@ fn a_caustic_survives() {
     let mut checks = Checks::default();
     let depth = "render.max_depth=3";
     let path = Estimate { mean: [0.023_137; 3], standard_error: [5.9e-5; 3] };
-    let traced = of(CAUSTIC, 8, 44, &[PHOTON, TRACED, depth, "photons.volume=200_000"]);
+    let traced = of(CAUSTIC, 8, 32, &[PHOTON, TRACED, depth, "photons.volume=200_000"]);
     checks.agree("traced", &traced, &path, 0.0065, 0.006);
-    let photons = of(CAUSTIC, 12, 48, &[PHOTON, depth, "photons.volume=200_000"]);
+    let photons = of(CAUSTIC, 12, 32, &[PHOTON, depth, "photons.volume=200_000"]);
     checks.agree("photons", &photons, &path, 0.0065, 0.01);
     checks.finish();
 }
