@@ -3,6 +3,7 @@
 mod beam;
 mod bundle;
 mod depth;
+mod few;
 mod gathered;
 mod global;
 mod irradiance;

@@ -4,6 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use rayon::prelude::*;
 
+use super::few::Few;
 use crate::math::random::Purpose;
 use crate::math::{DVec3, Frame, Ray, Rgb, Stream, Vec3};
 use crate::photon::simd::{LANES, Row};
@@ -123,14 +124,22 @@ impl SurfaceMap {
         let (vertex, shading_normal) = (Vertex::Surface(at), at.incidence.shading_normal);
         let is_lambertian = at.bsdf.lambertian().is_some();
         let mut sum = Rgb::ZERO;
-        let area = self.around(scene, place, (most, self.filter), stream, memory, |stream, from, power| {
+        let mut send = |stream: &mut Stream, from: DVec3, power: Rgb| {
             // Powers on Lambertian surfaces are as the shading normal sees them: elsewhere it is this one that counts.
             let cos = from.dot(if is_lambertian { shading_normal } else { place.normal });
             if cos > 0.0 {
                 let part = |power: Rgb, sent: Scattering| sum += power * sent.value;
                 vertex.toward(from, Side::Eye, false, power / cos, stream, part);
             }
-        });
+        };
+        // To follow every photon between facets or layers is most of the time of a picture with a rough varnish.
+        let mut few = at.bsdf.is_walked().then(Few::default);
+        let area =
+            self.around(scene, place, (most, self.filter), stream, memory, |stream, from, power| match &mut few {
+                Some(few) => few.tell(stream, from, power),
+                None => send(stream, from, power),
+            });
+        few.iter().flat_map(Few::drawn).for_each(|(from, power)| send(stream, from, power));
         area.map_or(Rgb::ZERO, |(area, _)| sum / area)
     }
 

@@ -45,6 +45,10 @@ impl Coated {
         }
     }
 
+    pub(super) fn is_walked(&self) -> bool {
+        self.glaze().is_none()
+    }
+
     pub(super) fn nature(&self) -> Nature {
         self.base.nature().min(self.coat.nature())
     }

@@ -261,6 +261,18 @@ impl Bsdf {
         }
     }
 
+    /// Whether what it sends along a direction is found by walks, from facet to facet or between layers: an estimate, and dear.
+    #[inline]
+    pub fn is_walked(&self) -> bool {
+        match self {
+            Bsdf::Reflector(reflector) => reflector.is_walked(),
+            Bsdf::Coated(coated) => coated.is_walked(),
+            Bsdf::Mix(mix) => mix.a.is_walked() || mix.b.is_walked(),
+            Bsdf::Rough(_) => true,
+            Bsdf::Thin(_) | Bsdf::Smooth(_) => false,
+        }
+    }
+
     /// Whether it is not the same when turned about the normal.
     #[inline]
     pub fn is_anisotropic(&self) -> bool {

@@ -102,6 +102,11 @@ impl Reflector {
     }
 
     #[inline]
+    pub(super) fn is_walked(&self) -> bool {
+        matches!(self, Reflector::Conductor(_) | Reflector::Schlick(_))
+    }
+
+    #[inline]
     pub(super) fn is_anisotropic(&self) -> bool {
         match self {
             Reflector::Conductor(conductor) => conductor.roughness[0] != conductor.roughness[1],
