@@ -1,6 +1,6 @@
 //! Caustics on surfaces: photons bring what light paths find.
 
-use crate::support::{Checks, Estimate};
+use crate::support::{Checks, Estimate, render};
 
 /// A ball of glass over a checkered floor, and a round lamp.
 const BALL: &str = r#"
@@ -154,4 +154,94 @@ fn photons_bring_caustics() {
         checks.agree(name, &found, &Estimate { mean, standard_error }, 0.01, 0.005);
     }
     checks.finish();
+}
+
+/// A ball of glass over a floor of which one part receives no caustics, and a mirror beside it that casts none; a wall shows what the
+/// floor sends on.
+const FLAGS: &str = r#"
+[film]
+width = 16
+height = 16
+[camera]
+position = [0, 0.5, 0.1]
+target = [0, 0, 0.1]
+up = [0, 0, -1]
+fov = 110
+[materials.floor]
+type = "lambert"
+reflectance = 0.6
+[materials.glass]
+type = "dielectric"
+[materials.silver]
+type = "mirror"
+[[shapes]]
+name = "dull"
+type = "quad"
+origin = [-3, 0, 3]
+edge_u = [2.75, 0, 0]
+edge_v = [0, 0, -6]
+material = "floor"
+receives_caustics = false
+[[shapes]]
+type = "quad"
+origin = [-0.25, 0, 3]
+edge_u = [3.25, 0, 0]
+edge_v = [0, 0, -6]
+material = "floor"
+[[shapes]]
+type = "quad"
+origin = [-3, 0, -1.2]
+edge_u = [6, 0, 0]
+edge_v = [0, 3, 0]
+material = "floor"
+[[shapes]]
+name = "ball"
+type = "sphere"
+center = [0, 1.4, 0]
+radius = 0.8
+material = "glass"
+[[shapes]]
+name = "sheet"
+type = "quad"
+origin = [1.2, 0.6, 1]
+edge_u = [0.6, 1.4, 0]
+edge_v = [0, 0, -2]
+material = "silver"
+casts_caustics = false
+[[shapes]]
+type = "disk"
+center = [0.5, 3, -0.2]
+normal = [-0.5, -1.6, 0.2]
+radius = 0.7
+emission = { radiance = [30, 25, 20] }
+"#;
+
+/// What shapes cast or receive none of is left out, whoever looks for it: photons, paths and light paths find the same of the rest, also
+/// of what that lights.
+#[test]
+fn caustics_are_left_out_by_all_methods() {
+    let mut checks = Checks::default();
+    let by = |method: &str, seeds: u32, samples: u32| {
+        let settings = [format!("render.method={method}"), format!("render.samples={samples}")];
+        let [method, samples] = &settings;
+        Estimate::of(seeds, FLAGS, &[method, samples, "photons.caustic=20_000", "photons.global=20_000"])
+    };
+    let light = by("light", 8, 200);
+    checks.agree("path", &by("path", 8, 200), &light, 0.02, 0.0);
+    checks.agree("photon", &by("photon", 4, 16), &light, 0.02, 0.01);
+    checks.finish();
+
+    // Nothing else changes where nothing is cast: of a path tracer's picture, one layer is gone.
+    let layers = |casts: bool| {
+        let casts = format!("shapes.ball.casts_caustics={casts}");
+        let film = render(FLAGS, &[&casts, "render.method=path", "render.samples=64"]).film;
+        film.layers()
+    };
+    let (mut all, rest) = (layers(true), layers(false));
+    let names = all.len();
+    all.retain(|layer| layer.name != "caustic");
+    assert!(all.len() + 1 == names && rest.len() == all.len());
+    for (all, rest) in all.iter().zip(&rest).filter(|(layer, _)| layer.name != "indirect") {
+        assert!(all.name == rest.name && all.channels == rest.channels, "{}", all.name);
+    }
 }

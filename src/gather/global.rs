@@ -2,7 +2,7 @@
 
 use super::surface::{Place, SurfaceMap, are_one};
 use crate::math::{Rgb, Stream, Vec3};
-use crate::photon::{Ball, Load, Photon, PointMap, PointMemory, PointSettings};
+use crate::photon::{Ball, Kind, Load, Photon, PointMap, PointMemory, PointSettings};
 use crate::scene::Scene;
 use crate::scene::description::SurfaceFilter;
 use crate::transport::{Events, Interaction};
@@ -51,7 +51,7 @@ impl GlobalMap {
         let GlobalSettings { ball, filter, precomputed, max_radius } = *settings;
         let some = photons.iter().step_by(precomputed.max(1) as usize).filter(|_| precomputed > 0);
         let places: Vec<_> = some.map(|photon| (photon.position, photon.normal)).collect();
-        let photons = SurfaceMap::build(scene, photons, ball, filter, scale);
+        let photons = SurfaceMap::build(scene, (Kind::Global, photons), ball, filter, scale);
         let irradiances = (!places.is_empty()).then(|| {
             let nearest = Ball::Nearest { neighbours: CANDIDATES, max_radius };
             let settings =

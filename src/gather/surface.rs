@@ -8,7 +8,7 @@ use super::few::Few;
 use crate::math::random::Purpose;
 use crate::math::{DVec3, Frame, Ray, Rgb, Stream, Vec3};
 use crate::photon::simd::{LANES, Row};
-use crate::photon::{Ball, PackedNormal, Photon, PointMap, PointMemory, PointSettings};
+use crate::photon::{Ball, Kind, PackedNormal, Photon, PointMap, PointMemory, PointSettings};
 use crate::scene::description::SurfaceFilter;
 use crate::scene::{Finish, Scene, Surface};
 use crate::surface::{Material, Nature, Scattering, Side, TexturePoint};
@@ -24,6 +24,8 @@ use crate::transport::{Events, Interaction, Vertex};
 pub struct SurfaceMap {
     map: PointMap,
     filter: SurfaceFilter,
+    /// Which photons they are.
+    kind: Kind,
     /// By block, whether the discs around may be cut.
     cut: Vec<bool>,
 }
@@ -76,11 +78,17 @@ impl SurfaceMap {
 
     /// Puts photons in order, in parallel, with the same result for any number of threads. All radii are `scale` times as wide as
     /// `ball` says.
-    pub fn build(scene: &Scene, photons: Vec<Photon>, ball: Ball, filter: SurfaceFilter, scale: f32) -> Self {
+    pub fn build(
+        scene: &Scene,
+        (kind, photons): (Kind, Vec<Photon>),
+        ball: Ball,
+        filter: SurfaceFilter,
+        scale: f32,
+    ) -> Self {
         let settings =
             PointSettings { scale, tagged: true, normals: true, boundaries: false, ..PointSettings::new(ball) };
         let map = PointMap::build(photons, &settings, &|_, _| 0.0);
-        let mut surfaces = SurfaceMap { map, filter, cut: Vec::new() };
+        let mut surfaces = SurfaceMap { map, filter, kind, cut: Vec::new() };
         let blocks = surfaces.map.events.len();
         surfaces.cut = (0..blocks).into_par_iter().map(|block| surfaces.may_cut(scene, block)).collect();
         surfaces
@@ -210,7 +218,7 @@ impl SurfaceMap {
             let weight = f64::from(filter.weight(distance / squared) * facing);
             photon(stream, from, Rgb::from(of(&load.power)) * weight);
         }
-        let share = |disc: &Disc| disc.share(scene, place, filter);
+        let share = |disc: &Disc| disc.share(scene, place, filter, self.kind);
         found.then(|| (PI * radius * radius * disc.as_ref().map_or(1.0, share), cut))
     }
 
@@ -227,7 +235,7 @@ impl SurfaceMap {
         (0..RIM).any(|probe| {
             let aside = on_rim(&frame, radius, f64::from(probe) / f64::from(RIM));
             let height = f64::from(FLATTENED) * radius;
-            !is_free(scene, place, aside, height) || landing(scene, place, aside, height) < 1.0
+            !is_free(scene, place, aside, height) || landing(scene, place, aside, height, self.kind) < 1.0
         })
     }
 
@@ -278,7 +286,7 @@ impl Disc {
 
     /// Its share of the whole disc, weighted by a filter: without what is not free, and where no surface that faces the same way lies
     /// below. (Jensen 2001, §7.4, takes the convex hull of the photons for it.)
-    fn share(&self, scene: &Scene, place: Place, filter: SurfaceFilter) -> f64 {
+    fn share(&self, scene: &Scene, place: Place, filter: SurfaceFilter, kind: Kind) -> f64 {
         let (mut covered, mut all) = (0.0, 0.0);
         for probe in 0..PROBES {
             // Vogel's spiral: as many on equal areas.
@@ -289,7 +297,7 @@ impl Disc {
             let aside = self.radius * squared.sqrt() * (cos * self.frame.x + sin * self.frame.y);
             let height = f64::from(FLATTENED) * self.radius;
             if self.reaches(scene, place, aside) {
-                covered += weight * landing(scene, place, aside, height);
+                covered += weight * landing(scene, place, aside, height, kind);
             }
         }
         (covered / all).max(LEAST_SHARE)
@@ -322,12 +330,13 @@ fn is_free(scene: &Scene, place: Place, aside: DVec3, height: f64) -> bool {
 
 /// The share of photons that are stored of those which arrive `aside` of a place, no more than `height` off its tangent plane and on a
 /// surface that faces the same way: of mixtures, what meets a part that spreads light.
-fn landing(scene: &Scene, place: Place, aside: DVec3, height: f64) -> f64 {
+fn landing(scene: &Scene, place: Place, aside: DVec3, height: f64, kind: Kind) -> f64 {
     let ray = Ray::new(place.point + aside + height * place.normal, -place.normal);
     let mut stored = 0f64;
     scene.geometry.all_hits(&ray, 0.0, 2.0 * height, |hit| {
-        if hit.normal.dot(place.normal).abs() >= f64::from(FACING) {
-            let Surface { material, paint, .. } = scene.surfaces[hit.id as usize];
+        let Surface { material, paint, caustics, .. } = scene.surfaces[hit.id as usize];
+        let receives = kind == Kind::Global || caustics.receives;
+        if receives && hit.normal.dot(place.normal).abs() >= f64::from(FACING) {
             let object = scene.geometry.object_point(&ray, &hit);
             let at = TexturePoint { uv: hit.uv, object, footprint: 0.0 };
             // Textures may decide how a surface spreads light.

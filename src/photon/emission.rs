@@ -6,8 +6,7 @@ use super::guide::Guide;
 use crate::light::{Departure, DrawnFrom, Light};
 use crate::math::random::Dimension;
 use crate::math::{Bounds, DVec3, Distribution, Frame, Ray, Rgb, Stream, choose, sampling};
-use crate::scene::{Glow, Inside, Scene};
-use crate::surface::Material;
+use crate::scene::{Glow, Inside, Scene, Surface};
 
 /// All sources of photons of a scene.
 #[derive(Clone, Debug)]
@@ -136,11 +135,10 @@ impl<'s> Sources<'s> {
         self.aim_at(targets, closest, [CLOSEST, AROUND]);
     }
 
-    /// Aims nearly all photons at the surfaces for whose material `wanted` holds: at each, if there are no more than `most`, else at
+    /// Aims nearly all photons at the surfaces for which `wanted` holds: at each, if there are no more than `most`, else at
     /// the sphere around all. The light is the same.
-    pub fn aim_at_surfaces(&mut self, wanted: impl Fn(&Material) -> bool, most: usize) {
-        let is_wanted = |material| self.scene.any_part(material, &wanted);
-        let surfaces = (0..).zip(&self.scene.surfaces).filter(|(_, surface)| is_wanted(&surface.material));
+    pub fn aim_at_surfaces(&mut self, wanted: impl Fn(&Surface) -> bool, most: usize) {
+        let surfaces = (0..).zip(&self.scene.surfaces).filter(|(_, surface)| wanted(surface));
         let mut targets: Vec<Target> = surfaces
             .map(|(shape, _)| {
                 let (center, radius) = self.scene.geometry.bounding_sphere(shape);

@@ -1,6 +1,7 @@
 //! What a photon remembers of its way: decides whether it is stored.
 
-use crate::transport::Event;
+use crate::surface::Nature;
+use crate::transport::{Event, Interaction, Vertex};
 
 /// How light has come since it left its source.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,6 +23,8 @@ pub struct History {
     pub since: Since,
     /// Whether it was mirrored or refracted,
     bent: bool,
+    /// by what casts no caustics,
+    uncast: bool,
     /// or scattered.
     scattered: bool,
 }
@@ -29,15 +32,16 @@ pub struct History {
 impl History {
     /// Of a photon that sets out from its source.
     pub fn new(from_light: bool) -> Self {
-        History { from_light, since: Since::Straight, bent: false, scattered: false }
+        History { from_light, since: Since::Straight, bent: false, uncast: false, scattered: false }
     }
 
-    /// This way with one more event.
-    pub fn after(self, event: Event) -> Self {
+    /// This way with one more event, at a vertex.
+    pub fn after(self, event: Event, at: &Vertex<'_>) -> Self {
         let refracted = event == Event::Refracted && self.since != Since::Other;
         History {
             since: if refracted { Since::Refracted } else { Since::Other },
             bent: self.bent || event.bends(),
+            uncast: self.uncast || event.bends() && !at.casts_caustics(),
             scattered: self.scattered || event == Event::Scattered,
             ..self
         }
@@ -46,6 +50,16 @@ impl History {
     /// Whether it was scattered.
     pub fn is_scattered(self) -> bool {
         self.scattered
+    }
+
+    /// Whether it can be of no caustic any more: it was scattered, or bent by what casts none.
+    pub fn ends_caustics(self) -> bool {
+        self.scattered || self.uncast
+    }
+
+    /// Whether it is of a caustic that is left out where it lands: what the surface mirrors or lets pass goes on, but nothing is spread.
+    pub fn is_left_out(self, at: &Interaction) -> bool {
+        self.is_caustic() && (self.uncast || !at.caustics.receives) && at.bsdf.nature() == Nature::Diffuse
     }
 
     /// Whether it is light of a caustic, where it lands on a surface that spreads it: from a light, mirrored or refracted, and not

@@ -14,7 +14,7 @@ use super::tracer::in_chunks;
 use super::{PackedNormal, Photon};
 use crate::math::random::Purpose;
 use crate::math::{Ray, Stream};
-use crate::scene::Scene;
+use crate::scene::{Scene, Surface};
 use crate::surface::{Incidence, Material, Nature, Side};
 use crate::transport::{
     Ahead, Event, Events, Heading, Interaction, Luggage, Part, Parts, Segment, Tally, Traveller, Vertex, Walk, survive,
@@ -96,13 +96,21 @@ fn spreads(material: &Material) -> bool {
     }
 }
 
-/// Whether photons of this kind may land in a scene: on surfaces that spread light, and of caustics after something specular.
+/// Whether light that a surface mirrors or refracts may become a caustic.
+fn casts(scene: &Scene, surface: &Surface) -> bool {
+    surface.caustics.casts && scene.any_part(&surface.material, &Material::is_partly_specular)
+}
+
+/// Whether photons of this kind may land in a scene: on surfaces that spread light, and of caustics, where they are received, after
+/// something specular that casts them.
 pub fn may_land(scene: &Scene, kind: Kind) -> bool {
-    let any = |holds: &dyn Fn(&Material) -> bool| {
-        scene.surfaces.iter().any(|surface| scene.any_part(&surface.material, &holds))
-    };
+    let any = |holds: &dyn Fn(&Surface) -> bool| scene.surfaces.iter().any(holds);
+    let spreads = |surface: &Surface| scene.any_part(&surface.material, &spreads);
     match kind {
-        Kind::Caustic => !scene.lights.is_empty() && any(&spreads) && any(&Material::is_partly_specular),
+        Kind::Caustic => {
+            let receives = |surface: &Surface| surface.caustics.receives && spreads(surface);
+            !scene.lights.is_empty() && any(&receives) && any(&|surface| casts(scene, surface))
+        }
         Kind::Global => !(scene.lights.is_empty() && scene.glows.is_empty()) && any(&spreads),
     }
 }
@@ -130,11 +138,11 @@ pub fn trace_surfaces(
     let bare = pilot(&tracer);
     let favour = match pass.kind {
         Kind::Caustic => {
-            tracer.sources.aim_at_surfaces(Material::is_partly_specular, MOST_TARGETS);
+            tracer.sources.aim_at_surfaces(|surface| casts(scene, surface), MOST_TARGETS);
             0.8
         }
         Kind::Global => {
-            tracer.sources.aim_at_surfaces(spreads, 1);
+            tracer.sources.aim_at_surfaces(|surface| scene.any_part(&surface.material, &spreads), 1);
             2.0
         }
     };
@@ -287,13 +295,14 @@ impl<'s> Traveller<'s> for Landing<'_, 's> {
     ) -> Option<Heading> {
         // What a medium scatters is no caustic.
         let SurfacePass { kind, max_events, .. } = *self.tracer.pass;
-        let ends = |event| kind == Kind::Caustic && event == Event::Scattered;
+        let mut left_out = false;
         if let Vertex::Surface(surface) = at {
-            let stores = kind == Kind::Global || luggage.own.history.is_caustic();
+            left_out = luggage.own.history.is_left_out(surface);
+            let stores = !left_out && (kind == Kind::Global || luggage.own.history.is_caustic());
             if stores && at.nature() == Nature::Diffuse && at.albedo().max_element() > 0.0 {
                 self.deposit(surface, luggage);
             }
-        } else if ends(Event::Scattered) {
+        } else if kind == Kind::Caustic {
             return None;
         }
 
@@ -301,11 +310,15 @@ impl<'s> Traveller<'s> for Landing<'_, 's> {
         let onward = at.onward(Side::Light, None, &mut luggage.weight, self.stream, survive)?;
         let event = at.event(&onward);
         luggage.events += 1;
-        luggage.own.history = luggage.own.history.after(event);
+        luggage.own.history = luggage.own.history.after(event, &at);
         if event == Event::Scattered {
             luggage.own.from_surface = matches!(at, Vertex::Surface(_));
         }
-        let goes_on = !ends(event) && max_events.allows(luggage.events);
+        let is_useless = match kind {
+            Kind::Caustic => luggage.own.history.ends_caustics(),
+            Kind::Global => left_out && event == Event::Scattered,
+        };
+        let goes_on = !is_useless && max_events.allows(luggage.events);
         goes_on.then_some(Heading { direction: onward.direction, clearance: None })
     }
 
@@ -400,6 +413,26 @@ mod tests {
         let expected = 3.0 * 2.0 * PI * (1.0 - 0.5f64.sqrt()) * cosines.map(mirrored).sum::<f64>() / N as f64;
         let found = power(&landed(&room(&disc("pane")), Kind::Caustic));
         assert!((found / expected - 1.0).abs() < 0.03, "{found}, not {expected}");
+    }
+
+    /// No caustic is looked for where nothing casts one, or nothing receives it, an instance or not.
+    #[test]
+    fn caustics_that_are_left_out_do_not_land() {
+        let scene = |mirror: &str, wall: &str, instance: &str| {
+            let text = format!(
+                "[camera]\nposition = [0, 0, 3]\ntarget = [0, 0, 0]\n[materials.wall]\ntype = \"lambert\"\n\
+                 [materials.silver]\ntype = \"mirror\"\n\
+                 [[shapes]]\ntype = \"sphere\"\ncenter = [0, 0, 0]\nradius = 5\nmaterial = \"wall\"\n{wall}\n\
+                 [[shapes]]\nname = \"disc\"\ntype = \"disk\"\ncenter = [0, 0, 0]\nnormal = [0, 1, 0]\nradius = 1\n\
+                 material = \"silver\"\n{mirror}\n[[shapes]]\ntype = \"instance\"\nof = \"disc\"\n\
+                 transform = [{{ translate = [0, 1, 0] }}]\n{instance}\n\
+                 [[lights]]\ntype = \"point\"\nposition = [0, 3, 0]\nintensity = 3\n"
+            );
+            may_land(&scene::from_text(&text).0, Kind::Caustic)
+        };
+        let (none, no_cast, no_catch) = ("", "casts_caustics = false", "receives_caustics = false");
+        assert!(scene(none, none, none) && scene(no_cast, none, "casts_caustics = true"));
+        assert!(!scene(no_cast, none, none) && !scene(none, no_catch, none));
     }
 
     /// On the walls of a closed room of even albedo a, all that a lamp sends lands, and of that again the part a: Φ/(1 − a), fog that

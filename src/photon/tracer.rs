@@ -331,15 +331,20 @@ impl<'s> Flying<'_, 's> {
         parts: &mut Parts<'s, Remembered>,
     ) -> Option<Heading> {
         let (arriving, vertex) = (luggage.weight, Vertex::Surface(at));
+        let left_out = luggage.own.history.is_left_out(at);
         let onward = vertex.onward(Side::Light, None, &mut luggage.weight, self.stream, survive);
-        let aimed = self.aim(at, walk, (arriving, luggage), parts);
+        let aimed = !left_out && self.aim(at, walk, (arriving, luggage), parts);
         let onward = onward?;
+        let event = at.event(&onward);
+        if left_out && event == Event::Scattered {
+            return None;
+        }
         if aimed && onward.density > 0.0 {
             // What is aimed at solids brings its part of the light to them, but for what mirrors in the surface send there.
             let rival = self.tracer.sources.density_towards_solids(at.point, onward.direction);
             luggage.weight *= balance(onward.density, rival);
         }
-        luggage.own.history = luggage.own.history.after(at.event(&onward));
+        luggage.own.history = luggage.own.history.after(event, &vertex);
         Some(Heading { direction: onward.direction, clearance: None })
     }
 
@@ -374,7 +379,7 @@ impl<'s> Flying<'_, 's> {
             }
             weight /= chance;
         }
-        let history = luggage.own.history.after(Event::Scattered);
+        let history = luggage.own.history.after(Event::Scattered, &Vertex::Surface(at));
         let mut part = luggage.part(weight, Remembered { history, ..luggage.own });
         part.events = events;
         let mut walk = walk.clone();
@@ -391,7 +396,7 @@ impl<'s> Flying<'_, 's> {
         let power = luggage.weight * at.medium.albedo;
         let clearance = self.chunk.volume.deposit(&self.tracer.quota, at, history, power, self.stream);
         let onward = Vertex::Medium(at).onward(Side::Light, None, &mut luggage.weight, self.stream, survive)?;
-        luggage.own.history = luggage.own.history.after(Event::Scattered);
+        luggage.own.history = luggage.own.history.after(Event::Scattered, &Vertex::Medium(at));
         Some(Heading { direction: onward.direction, clearance })
     }
 }

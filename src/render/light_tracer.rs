@@ -29,8 +29,8 @@ use crate::photon::{History, Sources, Start};
 use crate::scene::Scene;
 use crate::surface::{Nature, Side};
 use crate::transport::{
-    self, Ahead, Collision, Events, Flight, Heading, Luggage, Part, Parts, Segment, Tally, Traveller, Vertex, Walk,
-    balance, equiangular, survive, travel,
+    self, Ahead, Collision, Event, Events, Flight, Heading, Luggage, Part, Parts, Segment, Tally, Traveller, Vertex,
+    Walk, balance, equiangular, survive, travel,
 };
 
 /// Paths that one task traces, at most.
@@ -189,14 +189,19 @@ impl<'s> Traveller<'s> for Sending<'_, 's> {
     ) -> Option<Heading> {
         luggage.events += 1;
         let flight = luggage.own.flight.take();
-        if at.nature() != Nature::Specular {
+        let left_out = matches!(at, Vertex::Surface(at) if luggage.own.history.is_left_out(at));
+        if at.nature() != Nature::Specular && !left_out {
             self.connect(at, flight.as_ref(), luggage);
         }
         if !self.tracer.max_events.allows(luggage.events) {
             return None;
         }
         let onward = at.onward(Side::Light, None, &mut luggage.weight, self.stream, survive)?;
-        luggage.own.history = luggage.own.history.after(at.event(&onward));
+        let event = at.event(&onward);
+        if left_out && event == Event::Scattered {
+            return None;
+        }
+        luggage.own.history = luggage.own.history.after(event, &at);
         Some(Heading { direction: onward.direction, clearance: None })
     }
 

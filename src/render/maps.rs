@@ -95,7 +95,7 @@ impl Maps {
         let mut bytes = 0;
         if !caustics.is_empty() {
             stats.caustic += caustics.len() as u64;
-            let map = SurfaceMap::build(scene, caustics, plan.caustics.0, plan.caustics.1, scale);
+            let map = SurfaceMap::build(scene, (Kind::Caustic, caustics), plan.caustics.0, plan.caustics.1, scale);
             stats.tally.broken += map.rejected() as u64;
             bytes += map.bytes();
             self.caustic = Some(map);

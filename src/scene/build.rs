@@ -177,7 +177,7 @@ impl<'d> Builder<'d> {
             let paint = self.paint(material_index, &said.material.place, &placed)?;
             self.parts.push(Part {
                 placed,
-                surface: Surface { material, solid: None, light: None, paint },
+                surface: Surface { material, solid: None, light: None, paint, caustics: said.caustics },
                 solid: is_solid.then_some(Filling { medium, index: index_of_refraction, priority: said.priority }),
                 emission,
             });

@@ -2,7 +2,7 @@
 
 use smallvec::SmallVec;
 
-use super::description::Camera;
+use super::description::{Camera, Caustics};
 use super::{Finish, Glow};
 use crate::geometry::{Cluster, Geometry};
 use crate::light::{Emitter, Emitters, Light, Receiver, Surroundings};
@@ -60,6 +60,8 @@ pub struct Surface {
     pub light: Option<u32>,
     /// What changes over it: an index into [`Scene::paints`].
     pub paint: Option<u32>,
+    /// Which caustics it has to do with.
+    pub caustics: Caustics,
 }
 
 /// A closed shape with an interior or a dielectric material.

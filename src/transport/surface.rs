@@ -2,6 +2,7 @@
 
 use crate::math::{DVec3, Ray};
 use crate::scene::Inside;
+use crate::scene::description::Caustics;
 use crate::surface::{Bsdf, Incidence, Onward};
 
 /// What happened to light, or to an eye path, at a vertex.
@@ -35,6 +36,8 @@ pub struct Interaction {
     pub t: f64,
     /// What the surface does with light from there.
     pub bsdf: Bsdf,
+    /// Which caustics it has to do with.
+    pub caustics: Caustics,
     /// New rays start so far off the surface.
     pub(super) offset: f64,
     /// The solids on the side of arrival.

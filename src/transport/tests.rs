@@ -11,6 +11,7 @@ use crate::medium::density::Density;
 use crate::medium::phase::{Draine, HenyeyGreenstein, Isotropic, Mixture, Phase, Rayleigh, Schlick};
 use crate::medium::{Emission, Medium};
 use crate::scene::Inside;
+use crate::scene::description::Caustics;
 use crate::surface::{
     Bsdf, Coat, Coated, Conductor, Fresnel, Incidence, Lambert, Lobe, Mirror, Mix, Nature, OrenNayar, Phong, Reflector,
     Rough, Scattering, Schlick as SchlickSurface, Side, Smooth, Thin, Varnish,
@@ -53,7 +54,8 @@ impl Case {
 
 pub(super) fn interaction(bsdf: Bsdf, incidence: Incidence) -> Interaction {
     let (before, after) = (Inside::default(), Inside::default());
-    Interaction { point: DVec3::ZERO, incidence, t: 1.0, bsdf, offset: 1e-9, before, after }
+    let caustics = Caustics::ALL;
+    Interaction { point: DVec3::ZERO, incidence, t: 1.0, bsdf, caustics, offset: 1e-9, before, after }
 }
 
 /// Light that meets a surface with normal z at an angle of this sine, whose shading normal leans by `lean`.

@@ -67,6 +67,15 @@ impl Vertex<'_> {
         }
     }
 
+    /// Whether light that is mirrored or refracted here may become a caustic.
+    #[inline]
+    pub fn casts_caustics(&self) -> bool {
+        match self {
+            Vertex::Surface(at) => at.caustics.casts,
+            Vertex::Medium(_) => true,
+        }
+    }
+
     /// How it spreads light.
     #[inline]
     pub fn nature(&self) -> Nature {

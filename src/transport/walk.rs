@@ -286,6 +286,7 @@ impl<'s> Walk<'s> {
             incidence: Incidence { direction, normal: facing * hit.normal, shading_normal, tangent },
             t: hit.t,
             bsdf: *bsdf,
+            caustics: self.scene.surfaces[hit.id as usize].caustics,
             offset: 4.0 * error_bound(&self.ray, hit.t),
             before: self.inside.clone(),
             after,

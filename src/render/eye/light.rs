@@ -169,7 +169,7 @@ impl Looking<'_, '_, '_> {
 
     /// Light of caustics, from photons.
     pub(super) fn read_caustics(&mut self, at: &Interaction, luggage: &Luggage<Path>) {
-        let Some(map) = self.eye.settings.caustics else { return };
+        let Some(map) = self.eye.settings.caustics.filter(|_| at.caustics.receives) else { return };
         let most = self.eye.left_after(luggage.events);
         let Context { stream, queue, .. } = &mut *self.context;
         let radiance = map.reflected(self.eye.scene, at, most, stream, &mut queue.around);
@@ -195,14 +195,15 @@ impl Looking<'_, '_, '_> {
         true
     }
 
-    /// Whether photons bring the light of a light that a path meets.
-    fn is_brought(&self, luggage: &Luggage<Path>) -> bool {
-        luggage.own.seeks == Seeks::Scattered || self.eye.settings.caustics.is_some() && luggage.own.meets_caustic()
+    /// Whether the light of a light that a path meets does not count: photons bring it, or it is of a caustic that is left out.
+    fn is_idle(&self, luggage: &Luggage<Path>) -> bool {
+        let brought = self.eye.settings.caustics.is_some() || luggage.own.uncast;
+        luggage.own.seeks == Seeks::Scattered || brought && luggage.own.meets_caustic()
     }
 
     /// Light that a path meets by chance on a shape that shines.
     pub(super) fn meet(&mut self, crossing: &Crossing<'_>, luggage: &Luggage<Path>) {
-        if self.is_brought(luggage) {
+        if self.is_idle(luggage) {
             return;
         }
         let Light::Area(area) = &self.eye.scene.lights[crossing.light as usize] else { return };
@@ -217,7 +218,7 @@ impl Looking<'_, '_, '_> {
 
     /// Light from infinity, met by chance.
     pub(super) fn escape(&mut self, direction: DVec3, luggage: &Luggage<Path>) {
-        if self.is_brought(luggage) {
+        if self.is_idle(luggage) {
             return;
         }
         let component = luggage.own.component(luggage.events, true) as usize;

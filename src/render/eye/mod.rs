@@ -110,6 +110,8 @@ pub struct Path {
     spread: Spread,
     /// and whether it has been mirrored or refracted since, and no more than that.
     bent: bool,
+    /// Whether caustics of what it has met since are left out: something casts none, or they fall on what receives none.
+    uncast: bool,
     /// What it has yet to find.
     seeks: Seeks,
     /// Whether it splits in media.
@@ -219,6 +221,7 @@ impl<'s> Eye<'s> {
             diffuse: false,
             spread: Spread::Other,
             bent: false,
+            uncast: false,
             seeks: Seeks::All,
             splits,
             turn: Turn::Specular,
@@ -251,6 +254,7 @@ impl<'s> Eye<'s> {
             diffuse: true,
             spread: Spread::First,
             bent: false,
+            uncast: !at.caustics.receives,
             seeks: Seeks::Scattered,
             splits: false,
             turn: Turn::Surface { receiver: vertex.receiver(), density, glows: true },
@@ -440,6 +444,7 @@ impl<'s> Looking<'_, '_, 's> {
             let diffuse = vertex.nature() == Nature::Diffuse;
             luggage.own.turn = Turn::Surface { receiver: vertex.receiver(), density: onward.density, glows: diffuse };
             luggage.own.bent = false;
+            luggage.own.uncast = !at.caustics.receives;
             luggage.own.seeks = Seeks::All;
             luggage.own.spread = match (diffuse, luggage.events) {
                 (false, _) => Spread::Other,
@@ -448,7 +453,9 @@ impl<'s> Looking<'_, '_, 's> {
             };
         } else {
             luggage.own.turn = Turn::Specular;
-            luggage.own.bent |= at.event(&onward).bends();
+            let bends = at.event(&onward).bends();
+            luggage.own.bent |= bends;
+            luggage.own.uncast |= bends && !at.caustics.casts;
         }
         let goes_on = self.outlives(&mut luggage.weight, luggage.own.diffuse, at.around(onward.direction));
         goes_on.then_some(Heading { direction: onward.direction, clearance: None })

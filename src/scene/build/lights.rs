@@ -118,7 +118,7 @@ impl Builder<'_> {
 
     fn lamp(&mut self, shape: Shape, material: Material, shine: Shine) -> Result<()> {
         let placed = Placed::new(shape, DAffine3::IDENTITY)?;
-        let surface = Surface { material, solid: None, light: None, paint: None };
+        let surface = Surface { material, solid: None, light: None, paint: None, caustics: said::Caustics::ALL };
         self.parts.push(Part { placed, surface, solid: None, emission: Some(shine) });
         Ok(())
     }

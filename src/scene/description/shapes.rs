@@ -78,11 +78,28 @@ pub struct Shape {
     pub priority: i32,
     /// The light it sends out. An instance has its template's unless it says otherwise.
     pub emission: Option<ShapeEmission>,
+    /// What becomes of caustics. An instance has its template's unless it says otherwise.
+    pub caustics: Caustics,
     /// False for what is only a template of instances.
     pub visible: bool,
     /// Where the shape is described.
     #[serde(skip)]
     pub place: Place,
+}
+
+/// Which caustics a shape has to do with (Jensen 2001, §9.3). Light that came from a light to a surface which spreads it by specular
+/// events alone is left out where anything that mirrored or refracted it casts none, or the surface receives none.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Caustics {
+    /// Whether light that it mirrors or refracts may become a caustic.
+    pub casts: bool,
+    /// Whether caustics fall on it.
+    pub receives: bool,
+}
+
+impl Caustics {
+    /// As light has it.
+    pub const ALL: Caustics = Caustics { casts: true, receives: true };
 }
 
 /// The kinds of shape.

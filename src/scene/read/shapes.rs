@@ -8,7 +8,7 @@ use super::{Either, Names, all, either};
 use crate::geometry::Lathe;
 use crate::light::Sides;
 use crate::math::{DAffine3, DVec2};
-use crate::scene::description::{Located, Material, Shape, ShapeEmission, ShapeKind, Strength};
+use crate::scene::description::{Caustics, Located, Material, Shape, ShapeEmission, ShapeKind, Strength};
 use crate::scene::table::{Item, Noted, Read, Table, name_of, unit};
 use crate::surface;
 
@@ -23,6 +23,8 @@ pub(super) struct Draft<'a> {
     interior: Option<Located<usize>>,
     priority: Option<i32>,
     emission: Option<ShapeEmission>,
+    casts_caustics: Option<bool>,
+    receives_caustics: Option<bool>,
     visible: bool,
 }
 
@@ -63,6 +65,8 @@ fn draft<'a>(item: &Item<'a>, names: &Names, shapes: &ShapeNames) -> Read<Draft<
     let interior = table.get("interior", |item| Ok(item.at(item.reference("medium", &names.media)?)));
     let priority = table.get("priority", |item| item.integer(i32::MIN.into(), i32::MAX.into()));
     let emission = table.get("emission", |item| emission(&item.table()?));
+    let casts_caustics = table.get("casts_caustics", Item::boolean);
+    let receives_caustics = table.get("receives_caustics", Item::boolean);
     let visible = table.get_or("visible", true, Item::boolean);
     let kind = kind(&table, names, shapes);
     Ok(Draft {
@@ -73,6 +77,8 @@ fn draft<'a>(item: &Item<'a>, names: &Names, shapes: &ShapeNames) -> Read<Draft<
         interior: interior?,
         priority: priority?,
         emission: emission?,
+        casts_caustics: casts_caustics?,
+        receives_caustics: receives_caustics?,
         visible: visible?,
         kind: kind?,
     })
@@ -252,6 +258,10 @@ pub(super) fn finish(mut drafts: Vec<Draft>, materials: &mut Vec<Material>, name
             interior: draft.interior.clone(),
             priority: draft.priority.unwrap_or(0),
             emission: draft.emission.clone(),
+            caustics: Caustics {
+                casts: draft.casts_caustics.unwrap_or(true),
+                receives: draft.receives_caustics.unwrap_or(true),
+            },
             visible: draft.visible,
             place: draft.item.place(),
         });
@@ -345,6 +355,7 @@ fn inherit(drafts: &mut [Draft], instance: usize, template: usize) -> Read<()> {
     let from = &drafts[template];
     let (material, interior, priority, emission) =
         (from.material.clone(), from.interior.clone(), from.priority, from.emission.clone());
+    let (casts_caustics, receives_caustics) = (from.casts_caustics, from.receives_caustics);
     let root_transform = drafts[root].transform;
     let draft = &mut drafts[instance];
     draft.kind = ShapeKind::Instance { of: root };
@@ -353,6 +364,8 @@ fn inherit(drafts: &mut [Draft], instance: usize, template: usize) -> Read<()> {
     draft.interior = draft.interior.take().or(interior);
     draft.priority = draft.priority.or(priority);
     draft.emission = draft.emission.take().or(emission);
+    draft.casts_caustics = draft.casts_caustics.or(casts_caustics);
+    draft.receives_caustics = draft.receives_caustics.or(receives_caustics);
     if is_invertible(&draft.transform) && is_invertible(&(draft.transform * root_transform)) {
         Ok(())
     } else {
