@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use volpm::math::random::{Purpose, Stream};
 use volpm::math::{Ray, Vec3};
 use volpm::medium::Medium;
-use volpm::photon::{self, Disc, MapSettings, Pass, PhotonMap, Radius};
+use volpm::photon::{self, Disc, Emission, MapSettings, Pass, PhotonMap, Radius};
 use volpm::render::Camera;
 use volpm::scene::description::SingleScattering;
 use volpm::scene::{self, Settings};
@@ -84,6 +84,7 @@ fn main() {
             index: 0,
             target: PHOTONS,
             max_emitted: 1000 * PHOTONS,
+            emission: Emission::default(),
             max_events: Events::unlimited(),
             single_scattering: SingleScattering::Photons,
         };

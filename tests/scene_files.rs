@@ -157,6 +157,8 @@ max_depth = 3
 [photons]
 volume = 1_000
 max_emitted = 2_000
+projection = false
+emission = "random"
 
 [volume]
 estimate = "point"
@@ -294,7 +296,15 @@ fn every_key_is_read_as_the_manual_says() {
         scene.render,
         Render { method: Method::Path, samples: 8, light_samples: 4, passes: 3, seed: u64::MAX, max_depth: 3 }
     );
-    assert_eq!(scene.photons, Photons { volume: Some(1000), global: None, caustic: None, max_emitted: 2000 });
+    let photons = Photons {
+        volume: Some(1000),
+        global: None,
+        caustic: None,
+        max_emitted: 2000,
+        projection: false,
+        emission: PhotonEmission::Random,
+    };
+    assert_eq!(scene.photons, photons);
     let volume = Volume {
         estimate: Estimate::Point,
         kernel: Kernel::Fixed,
@@ -322,6 +332,7 @@ fn a_camera_is_enough() {
     assert_eq!((scene.volume.kernel, scene.volume.estimate), (Kernel::Variable, Estimate::Beam));
     assert_eq!(scene.volume.march, None);
     assert_eq!((scene.photons.volume, scene.photons.max_emitted), (None, 50_000_000));
+    assert_eq!((scene.photons.projection, scene.photons.emission), (true, PhotonEmission::Qmc));
     assert!(scene.warnings[0].contains("nothing gives light"), "{:?}", scene.warnings);
 }
 

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 use volpm::image::Image;
 use volpm::math::Rgb;
-use volpm::photon::{self, Pass, Photon};
+use volpm::photon::{self, Emission, Pass, Photon};
 use volpm::scene::description::SingleScattering;
 use volpm::transport::Events;
 
@@ -475,6 +475,7 @@ fn photons_in_a_dense_solid_are_nearly_independent() {
             index: 0,
             target: 20_000,
             max_emitted: 10_000_000,
+            emission: Emission::default(),
             max_events: Events::unlimited(),
             single_scattering: SingleScattering::Photons,
         };

@@ -11,7 +11,7 @@ use volpm::image::Image;
 use volpm::math::random::Purpose;
 use volpm::math::{DVec3, Stream, Vec3};
 use volpm::medium::phase::HenyeyGreenstein;
-use volpm::photon::{self, MapSettings, Pass, PhotonMap, Plane, Radius, walls};
+use volpm::photon::{self, Emission, MapSettings, Pass, PhotonMap, Plane, Radius, walls};
 use volpm::render::Camera;
 use volpm::scene::Settings;
 use volpm::scene::description::SingleScattering;
@@ -78,6 +78,7 @@ fn bands(seed: u64) -> [[[f64; 2]; 3]; 2] {
         index: 0,
         target: 100_000,
         max_emitted: 10_000_000,
+        emission: Emission::default(),
         max_events: Events::unlimited(),
         single_scattering: SingleScattering::Photons,
     };

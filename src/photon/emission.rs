@@ -4,9 +4,36 @@ use std::f64::consts::{PI, TAU};
 
 use super::guide::Guide;
 use crate::light::{Departure, DrawnFrom, Light};
-use crate::math::random::Dimension;
+use crate::math::random::{Dimension, Purpose};
 use crate::math::{Bounds, DVec3, Distribution, Frame, Ray, Rgb, Stream, choose, sampling};
+use crate::scene::description::PhotonEmission;
 use crate::scene::{Glow, Inside, Scene, Surface};
+
+/// How photons are emitted.
+#[derive(Clone, Copy, Debug)]
+pub struct Emission {
+    /// Whether they are aimed at what matters, and learn where that is: a projection map that is drawn from (Jensen 2001, §5.3.1). If
+    /// not, each light emits them as it shines, as many as it has power.
+    pub aims: bool,
+    /// What they are drawn by.
+    pub by: PhotonEmission,
+}
+
+impl Default for Emission {
+    fn default() -> Self {
+        Emission { aims: true, by: PhotonEmission::Qmc }
+    }
+}
+
+impl Emission {
+    /// The random numbers of a photon.
+    pub(super) fn stream(self, seed: u64, purpose: Purpose, photon: u64, pass: u64) -> Stream {
+        match self.by {
+            PhotonEmission::Qmc => Stream::of_path(seed, purpose, photon, pass),
+            PhotonEmission::Random => Stream::new(seed, purpose, photon, pass),
+        }
+    }
+}
 
 /// All sources of photons of a scene.
 #[derive(Clone, Debug)]

@@ -28,7 +28,7 @@ pub mod walls;
 pub(crate) use balls::Load;
 pub use balls::{Ball, PointMap, PointMemory, PointSettings};
 pub use discs::{Disc, MapSettings, PhotonMap, Plane};
-pub use emission::{Sources, Start};
+pub use emission::{Emission, Sources, Start};
 pub use history::History;
 pub use instructions::Instructions;
 pub use pass::{Traced, trace};

@@ -93,6 +93,7 @@ pub fn trace(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::photon::Emission;
     use crate::scene;
     use crate::scene::description::SingleScattering;
     use crate::transport::Events;
@@ -105,6 +106,7 @@ mod tests {
             index: 0,
             target: 100_000,
             max_emitted: 400_000,
+            emission: Emission::default(),
             max_events: Events::unlimited(),
             single_scattering,
         };

@@ -11,6 +11,8 @@
 //!    are split or left to roulette.
 //! 4. *Forced*, where hardly any collides even so: first collisions are no matter of chance.
 //! 5. *Counted*: longer pilots, as long as too few photons tell the yield.
+//!
+//! Where photons are to be emitted as lights shine, none are aimed, and sources are not evened out.
 
 use super::tracer::{Chunk, Entry, Tracer};
 use crate::math::random::Purpose;
@@ -64,7 +66,8 @@ pub(super) fn prepare(tracer: &mut Tracer<'_>, stop: &(impl Fn() -> bool + Sync)
     let mut found = count(tracer, few);
 
     // Aimed.
-    if found.collided < SELDOM {
+    let aims = tracer.pass.emission.aims;
+    if aims && found.collided < SELDOM {
         tracer.sources.aim();
         let chunks = run(tracer, few);
         let photons = chunks.iter().flat_map(|chunk| &chunk.volume.photons);
@@ -78,7 +81,9 @@ pub(super) fn prepare(tracer: &mut Tracer<'_>, stop: &(impl Fn() -> bool + Sync)
         let entering = |tracer: &Tracer<'_>| -> Vec<(u32, f64)> {
             run(tracer, few).into_iter().flat_map(|chunk| chunk.entering).collect()
         };
-        tracer.sources.even_out(&entering(tracer));
+        if aims {
+            tracer.sources.even_out(&entering(tracer));
+        }
         let portion = middle_of_power(entering(tracer).into_iter().map(|(_, power)| power).collect());
         tracer.entry = portion.map_or(Entry::Free, Entry::Portioned);
         // What is weaker would not enter.

@@ -8,7 +8,7 @@ use std::ops::ControlFlow;
 
 use rayon::prelude::*;
 
-use super::emission::{Aim, Sources, Start};
+use super::emission::{Aim, Emission, Sources, Start};
 use super::history::History;
 use super::tracer::in_chunks;
 use super::{PackedNormal, Photon};
@@ -43,6 +43,8 @@ pub struct SurfacePass {
     pub target: u64,
     /// At most this many are emitted.
     pub max_emitted: u64,
+    /// How they are emitted.
+    pub emission: Emission,
     /// How many events light may have on its way to the eye.
     pub max_events: Events,
     /// Whether photons are of no use where surfaces send hardly any light to one another.
@@ -135,20 +137,24 @@ pub fn trace_surfaces(
     // Aimed, at what bends light or at all there is, or not: whichever lands more. Photons that are not aimed are more alike, but those
     // that are may learn.
     let pilot = |tracer: &SurfaceTracer<'_>| tracer.run(Purpose::Pilot, PILOT, &|_, _| {}, stop);
-    let bare = pilot(&tracer);
-    let favour = match pass.kind {
-        Kind::Caustic => {
-            tracer.sources.aim_at_surfaces(|surface| casts(scene, surface), MOST_TARGETS);
-            0.8
-        }
-        Kind::Global => {
-            tracer.sources.aim_at_surfaces(|surface| scene.any_part(&surface.material, &spreads), 1);
-            2.0
-        }
-    };
     let mut found = pilot(&tracer);
-    if favour * bare.photons.len() as f64 > found.photons.len() as f64 {
-        (tracer.sources, found) = (sources, bare);
+    if pass.emission.aims {
+        let favour = match pass.kind {
+            Kind::Caustic => {
+                tracer.sources.aim_at_surfaces(|surface| casts(scene, surface), MOST_TARGETS);
+                0.8
+            }
+            Kind::Global => {
+                tracer.sources.aim_at_surfaces(|surface| scene.any_part(&surface.material, &spreads), 1);
+                2.0
+            }
+        };
+        let aimed = pilot(&tracer);
+        if favour * found.photons.len() as f64 > aimed.photons.len() as f64 {
+            tracer.sources = sources;
+        } else {
+            found = aimed;
+        }
     }
     if found.photons.len() < FEWEST {
         return Landed::default();
@@ -158,7 +164,7 @@ pub fn trace_surfaces(
     }
 
     // From which sources photons come that are of use, and aimed whither.
-    if tracer.sources.have_choices() {
+    if pass.emission.aims && tracer.sources.have_choices() {
         let mut learnt = SurfaceTracer { sources: tracer.sources.clone(), ..tracer };
         let origins = || found.origins.iter();
         learnt.sources.even_out(&origins().map(|&((source, _), power)| (source, power)).collect::<Vec<_>>());
@@ -207,7 +213,7 @@ impl<'s> SurfaceTracer<'s> {
         stop: &(impl Fn() -> bool + Sync),
     ) -> Landed {
         let emit = |photon, found: &mut Landed, parts: &mut Parts<'s, Remembered>| {
-            let mut stream = Stream::of_path(self.pass.seed, purpose, photon, self.pass.index);
+            let mut stream = self.pass.emission.stream(self.pass.seed, purpose, photon, self.pass.index);
             self.emit(&mut stream, found, parts);
         };
         let end = |found: &mut Landed, count| {
@@ -350,9 +356,14 @@ impl Landing<'_, '_> {
 mod tests {
     use super::*;
     use crate::scene;
+    use crate::scene::description::PhotonEmission;
     use std::f64::consts::PI;
 
     fn landed(text: &str, kind: Kind) -> Landed {
+        emitted(text, kind, Emission::default())
+    }
+
+    fn emitted(text: &str, kind: Kind, emission: Emission) -> Landed {
         let (scene, _) = scene::from_text(text);
         let max_events = Events::unlimited();
         let pass = SurfacePass {
@@ -361,6 +372,7 @@ mod tests {
             index: 0,
             target: 40_000,
             max_emitted: 1 << 30,
+            emission,
             max_events,
             needs_exchange: false,
         };
@@ -394,6 +406,15 @@ mod tests {
         let share = caustics.photons.len() as f64 / caustics.emitted as f64;
         let even = evenly(&caustics.photons) / caustics.photons.len() as f64;
         assert!(share > 0.5 && even > 0.8, "{share} land, worth {even} of as many");
+
+        // The same light without aiming, of which as few land as the mirror is small, all alike.
+        for by in [PhotonEmission::Qmc, PhotonEmission::Random] {
+            let bare = emitted(&room(&disc("silver")), Kind::Caustic, Emission { aims: false, by });
+            assert!((power(&bare) / expected - 1.0).abs() < 0.03, "{}, not {expected}", power(&bare));
+            let share = bare.photons.len() as f64 / bare.emitted as f64;
+            let even = evenly(&bare.photons) / bare.photons.len() as f64;
+            assert!(share < 0.2 && even > 0.999, "{share} land, worth {even} of as many");
+        }
 
         // A strong lamp far away beside it, of whose light little comes to the mirror.
         let lamp = "[[lights]]\ntype = \"point\"\nposition = [0, 4.5, 0]\nintensity = 30\n";

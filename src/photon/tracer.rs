@@ -4,7 +4,7 @@ use std::ops::{ControlFlow, Range};
 
 use rayon::prelude::*;
 
-use super::emission::{Sources, Start};
+use super::emission::{Emission, Sources, Start};
 use super::history::History;
 use super::sinks::{VolumeQuota, VolumeSink};
 use crate::math::random::{Dimension, Purpose};
@@ -28,6 +28,8 @@ pub struct Pass {
     pub target: u64,
     /// At most this many are emitted.
     pub max_emitted: u64,
+    /// How they are emitted.
+    pub emission: Emission,
     /// How many events light may have on its way to the eye, with the one there that makes it turn to the eye.
     pub max_events: Events,
     /// Who finds light that a medium scatters straight from a light: what is asked for is not stored.
@@ -148,7 +150,7 @@ impl<'s> Tracer<'s> {
         stop: &(impl Fn() -> bool + Sync),
     ) -> Vec<Chunk> {
         let emit = |photon, chunk: &mut Chunk, parts: &mut Parts<'s, Remembered>| {
-            let mut stream = Stream::of_path(self.pass.seed, purpose, photon, self.pass.index);
+            let mut stream = self.pass.emission.stream(self.pass.seed, purpose, photon, self.pass.index);
             self.emit(&mut stream, chunk, parts);
         };
         let end = |chunk: &mut Chunk, count| {

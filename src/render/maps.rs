@@ -135,6 +135,7 @@ fn landed(
         index: u64::from(pass),
         target,
         max_emitted: plan.max_emitted,
+        emission: plan.emission,
         max_events: plan.max_events,
         // Where surfaces send nothing to one another, there is nothing to gather.
         needs_exchange: kind == Kind::Global && plan.indirect == Indirect::FinalGather,

@@ -312,6 +312,7 @@ pub(super) fn order(plan: &Plan, pass: u32) -> photon::Pass {
         index: pass as u64,
         target: plan.volume_photons,
         max_emitted: plan.max_emitted,
+        emission: plan.emission,
         max_events: plan.max_events,
         single_scattering: plan.single_scattering,
     }

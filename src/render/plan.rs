@@ -5,7 +5,7 @@ use crate::gather::march::{Marcher, Stepping};
 use crate::gather::{Cells, GlobalSettings, Spacing};
 use crate::medium::Medium;
 use crate::photon::kernel::Profile;
-use crate::photon::{Ball, InMedium, Kind, PointSettings, Radius, may_land};
+use crate::photon::{Ball, Emission, InMedium, Kind, PointSettings, Radius, may_land};
 use crate::scene::description::{
     self, Estimate, Indirect, Kernel, March, Method, Records, SingleScattering, Step, SurfaceEstimate, SurfaceFilter,
     Volume,
@@ -46,6 +46,8 @@ pub struct Plan {
     pub cache: Option<CacheSettings>,
     /// The most photons that are emitted in a pass.
     pub max_emitted: u64,
+    /// How they are emitted.
+    pub emission: Emission,
     /// How wide they are spread.
     pub radius: Radius,
     /// The kernel of discs.
@@ -223,6 +225,7 @@ impl Plan {
                 }
             }),
             max_emitted: settings.photons.max_emitted,
+            emission: Emission { aims: settings.photons.projection, by: settings.photons.emission },
             radius,
             points: None,
             traced: (volume.single_scattering.asks_lights() && volume.march.is_some())

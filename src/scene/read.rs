@@ -12,8 +12,9 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::description::{
-    Camera, Description, Document, Estimate, Film, Filter, Indirect, Kernel, March, Method, Photons, Profile, Records,
-    Render, SingleScattering, Step, Surface, SurfaceEstimate, SurfaceFilter, ToneMap, Unit, Volume, World,
+    Camera, Description, Document, Estimate, Film, Filter, Indirect, Kernel, March, Method, PhotonEmission, Photons,
+    Profile, Records, Render, SingleScattering, Step, Surface, SurfaceEstimate, SurfaceFilter, ToneMap, Unit, Volume,
+    World,
 };
 use super::table::{Item, Problems, Read, Table, unit};
 use super::text::text_of;
@@ -277,8 +278,18 @@ fn photons(table: &Table) -> Read<Photons> {
     let global = table.get("global", |item| item.u64(0));
     let caustic = table.get("caustic", |item| item.u64(0));
     let max_emitted = table.get_or("max_emitted", 50_000_000, |item| item.u64(1));
+    let projection = table.get_or("projection", true, Item::boolean);
+    let ways = [("qmc", PhotonEmission::Qmc), ("random", PhotonEmission::Random)];
+    let emission = table.get_or("emission", PhotonEmission::Qmc, |item| item.choice(&ways, &[]));
     table.finish()?;
-    Ok(Photons { volume: volume?, global: global?, caustic: caustic?, max_emitted: max_emitted? })
+    Ok(Photons {
+        volume: volume?,
+        global: global?,
+        caustic: caustic?,
+        max_emitted: max_emitted?,
+        projection: projection?,
+        emission: emission?,
+    })
 }
 
 fn volume(table: &Table) -> Read<Volume> {

@@ -102,6 +102,20 @@ pub struct Photons {
     pub global: Option<u64>,
     /// The most photons that are emitted in a pass, at least 1.
     pub max_emitted: u64,
+    /// Whether photons are aimed at what matters.
+    pub projection: bool,
+    /// What photons are drawn by.
+    pub emission: PhotonEmission,
+}
+
+/// What photons are drawn by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PhotonEmission {
+    /// A quasi-random sequence, whose points are spread evenly: quasi-Monte Carlo.
+    Qmc,
+    /// Independent numbers.
+    Random,
 }
 
 /// `[volume]`: how media are gathered.
