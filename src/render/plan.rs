@@ -42,6 +42,8 @@ pub struct Plan {
     pub global: GlobalSettings,
     /// How many gather rays go on from a surface.
     pub gather_rays: u32,
+    /// How far such rays must come for the global map to tell what is there; `None`: as far as it blurs light.
+    pub accurate_distance: Option<f64>,
     /// What is kept of what they find, if it is.
     pub cache: Option<CacheSettings>,
     /// The most photons that are emitted in a pass.
@@ -211,6 +213,7 @@ impl Plan {
                 max_radius: max_radius as f32,
             },
             gather_rays: surface.gather_rays.unwrap_or(1),
+            accurate_distance: surface.accurate_distance,
             // Light with few events differs from place to place by how many the eye's side had.
             cache: (surface.irradiance_cache && global_photons > 0 && !max_events.is_limited()).then(|| {
                 CacheSettings {

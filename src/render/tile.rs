@@ -16,7 +16,7 @@ use super::maps::Maps;
 use super::pass::Renderer;
 use super::plan::Plan;
 use super::progress::Progress;
-use crate::gather::{GatherStats, IrradianceCache, Queue, SurfaceMap};
+use crate::gather::{GatherStats, GlobalMap, IrradianceCache, Queue, SurfaceMap};
 use crate::math::Stream;
 use crate::photon::narrowing;
 use crate::scene::Scene;
@@ -176,7 +176,8 @@ fn indirect<'s>(plan: &Plan, maps: Option<&'s Maps>) -> Indirect<'s> {
         (description::Indirect::None, _) => Indirect::Nobody,
         (description::Indirect::Map, Some(global)) => Indirect::Map(global),
         (description::Indirect::FinalGather, global) if global.is_some() || from_media_only => {
-            Indirect::Gather { global, rays: plan.gather_rays, cache: None }
+            let near = plan.accurate_distance.unwrap_or(global.map_or(0.0, GlobalMap::blur));
+            Indirect::Gather { global, near, rays: plan.gather_rays, cache: None }
         }
         _ => Indirect::Path,
     }

@@ -352,6 +352,7 @@ fn surface(table: &Table) -> Read<Surface> {
     let estimates = [("knn", SurfaceEstimate::Knn), ("fixed", SurfaceEstimate::Fixed)];
     let estimate = table.get_or("estimate", SurfaceEstimate::Knn, |item| item.choice(&estimates, &["sheets"]));
     let radius = table.get("radius", Item::length);
+    let accurate_distance = table.get("accurate_distance", Item::length_or_zero);
     let gather_rays = table.get("gather_rays", |item| item.u32(1));
     let precomputed = table.get_or("precomputed_irradiance", 4, |item| item.u32(0));
     let cache = table.get_or("irradiance_cache", true, Item::boolean);
@@ -368,6 +369,7 @@ fn surface(table: &Table) -> Read<Surface> {
         filter: filter?,
         max_radius: max_radius?,
         caustic_radius: caustic_radius?,
+        accurate_distance: accurate_distance?,
         gather_rays: gather_rays?,
         precomputed_irradiance: precomputed?,
         irradiance_cache: cache?,

@@ -82,6 +82,9 @@ pub enum Indirect<'s> {
     Gather {
         /// The map; without one the path goes on.
         global: Option<&'s GlobalMap>,
+        /// What is less far away than this is so near that the path goes on: the light of two places would be told as one (Jensen
+        /// 2001, §9.4).
+        near: f64,
         /// How many rays go on from a surface.
         rays: u32,
         /// What such rays have found elsewhere, if that is kept: where it tells enough, none is sent.
@@ -140,9 +143,9 @@ impl Path {
         }
     }
 
-    /// Whether it came straight to a place within `blur` from where it turned.
-    fn is_close(&self, at: &Interaction, blur: f64) -> bool {
-        matches!(&self.turn, Turn::Surface { receiver, .. } if receiver.point.distance_squared(at.point) < blur * blur)
+    /// Whether it came straight to a place less far than `near` from where it turned.
+    fn is_close(&self, at: &Interaction, near: f64) -> bool {
+        matches!(&self.turn, Turn::Surface { receiver, .. } if receiver.point.distance_squared(at.point) < near * near)
     }
 
     /// Whether the light of a light that it meets is of a caustic: on the surface that it was spread by last.
@@ -392,7 +395,7 @@ impl<'s> Looking<'_, '_, 's> {
                 self.read_global(global, at, luggage, false);
                 return self.send_bent(at, luggage);
             }
-            Indirect::Gather { global: Some(global), .. } if gathers && !luggage.own.is_close(at, global.blur()) => {
+            Indirect::Gather { global: Some(global), near, .. } if gathers && !luggage.own.is_close(at, near) => {
                 self.read_global(global, at, luggage, true);
                 return self.send_bent(at, luggage);
             }

@@ -237,6 +237,8 @@ pub struct Surface {
     pub radius: Option<f64>,
     /// The cap of the global map's radii, above 0; `None`: chosen from the scene.
     pub max_radius: Option<f64>,
+    /// Gather rays that come less far than this go on as paths; `None`: as far as the global map blurs light.
+    pub accurate_distance: Option<f64>,
     /// Rays that gather indirect light where it is gathered, at least 1; `None`: one a sample.
     pub gather_rays: Option<u32>,
     /// The irradiance is computed beforehand at one of so many photons of the global map; 0: at none.
