@@ -3,6 +3,7 @@
 mod support;
 
 mod beam_against_path;
+mod cameras;
 #[cfg(feature = "cli")]
 mod caustics;
 mod cli;

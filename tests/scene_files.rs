@@ -23,12 +23,15 @@ exposure = -1
 tone_map = "linear"
 layers = false
 standard_error = true
+crop = [20, 10, 100, 150]
 
 [camera]
 position = [0.0, 1.0, 6.0]
 target = [0, 1, 0]
 up = [0, 2, 0]
+projection = "orthographic"
 fov = 30
+fov_axis = "smaller"
 aperture = 0.1
 focus_distance = 5.0
 
@@ -75,6 +78,7 @@ max = [1, 3, 1]
 interior = "smoke"
 priority = -2
 visible = false
+casts_caustics = false
 
 [[shapes]]
 type = "sphere"
@@ -88,6 +92,7 @@ center = [0, 0, 0]
 normal = [0, 0, 2]
 radius = 1
 material = "chrome"
+receives_caustics = false
 
 [[shapes]]
 type = "cylinder"
@@ -200,6 +205,7 @@ fn every_key_is_read_as_the_manual_says() {
         Film {
             width: 320,
             height: 200,
+            crop: Some(Window { x: 20, y: 10, width: 100, height: 150 }),
             filter: Filter::Tent,
             exposure: Some(-1.0),
             tone_map: ToneMap::Linear,
@@ -211,6 +217,7 @@ fn every_key_is_read_as_the_manual_says() {
     assert_eq!((camera.position, camera.target), (DVec3::new(0.0, 1.0, 6.0), DVec3::Y));
     assert_eq!((camera.up, camera.fov), (2.0 * DVec3::Y, 30.0));
     assert_eq!((camera.aperture, camera.focus_distance), (0.1, 5.0));
+    assert_eq!((camera.projection, camera.fov_axis), (Projection::Orthographic, FovAxis::Smaller));
     assert_eq!(scene.world.unit, Unit::Centimetre);
     assert_eq!(scene.world.medium.map(|medium| medium.value), Some(1));
 
@@ -222,7 +229,7 @@ fn every_key_is_read_as_the_manual_says() {
     assert!(smoke.albedo().abs_diff_eq(Rgb::new(0.95, 0.5, 0.0), 1e-15));
     let Density::Vdb { file, grid, transform, interpolation, negative } = &smoke.density else { panic!("{smoke:?}") };
     assert_eq!(file.value, PathBuf::from("scenes/../media/smoke.vdb"));
-    assert_eq!(file.place.to_string(), "scenes/x.toml:27:34: media.smoke.density.file");
+    assert_eq!(file.place.to_string(), "scenes/x.toml:30:34: media.smoke.density.file");
     assert_eq!(grid.as_ref().map(|grid| grid.value.as_str()), Some("soot"));
     assert_eq!(transform.transform_point3(DVec3::splat(4.0)), DVec3::new(3.0, 4.0, 5.0));
     assert_eq!((*interpolation, *negative), (Interpolation::Nearest, NegativePolicy::Zero));
@@ -276,6 +283,8 @@ fn every_key_is_read_as_the_manual_says() {
     let profile = vec![DVec2::new(0.0, -1.0), DVec2::new(2.0, 0.5)];
     assert_eq!(lathe.kind, ShapeKind::Lathe { profile, segments: Some(7), crease: 12.5 });
     assert_eq!((&instance.kind, instance.priority, instance.visible), (&ShapeKind::Instance { of: 1 }, -2, true));
+    let caustics = [quad, haze, instance, disk].map(|shape| (shape.caustics.casts, shape.caustics.receives));
+    assert_eq!(caustics, [(true, true), (false, true), (false, true), (true, false)]);
 
     let [spot, point, directional, environment] = scene.lights.as_slice() else { panic!() };
     let LightKind::Spot { direction, intensity, inner_angle, outer_angle, radius, .. } = spot.kind else { panic!() };
@@ -325,6 +334,8 @@ fn a_camera_is_enough() {
     assert_eq!((scene.film.width, scene.film.height, scene.film.filter), (640, 480, Filter::Box));
     assert_eq!((scene.film.exposure, scene.film.tone_map), (None, ToneMap::Filmic));
     assert_eq!((scene.camera.up, scene.camera.fov, scene.camera.focus_distance), (DVec3::Y, 40.0, 4.0));
+    assert_eq!((scene.camera.projection, scene.camera.fov_axis), (Projection::Perspective, FovAxis::Y));
+    assert_eq!((scene.film.crop, scene.film.size()), (None, (640, 480)));
     assert_eq!(
         scene.render,
         Render { method: Method::Photon, samples: 16, light_samples: 1, passes: 1, seed: 1, max_depth: 0 }
@@ -333,6 +344,7 @@ fn a_camera_is_enough() {
     assert_eq!(scene.volume.march, None);
     assert_eq!((scene.photons.volume, scene.photons.max_emitted), (None, 50_000_000));
     assert_eq!((scene.photons.projection, scene.photons.emission), (true, PhotonEmission::Qmc));
+    assert_eq!(scene.surface.accurate_distance, None);
     assert!(scene.warnings[0].contains("nothing gives light"), "{:?}", scene.warnings);
 }
 
@@ -409,6 +421,18 @@ const MISTAKES: &[(&str, &str, &str)] = &[
     ("[film]\nwidth = ‸0\n", "film.width", "found 0; expected an integer from 1"),
     ("[film]\nheight = ‸-1\n", "film.height", "found -1"),
     ("[film]\nwidth = ‸100000\nheight = 100000\n", "film.width", "100000 × 100000 pixels take 112 GiB"),
+    ("[film]\ncrop = ‸[0, 0, 640]\n", "film.crop", "expected four integers, [x, y, width, height]"),
+    ("[film]\ncrop = [0, 0, ‸0, 1]\n", "film.crop.2", "found 0; expected an integer from 1"),
+    ("[film]\ncrop = ‸[600, 0, 41, 1]\n", "film.crop", "expected a part of the film of 640 × 480 pixels"),
+    ("[film]\ncrop = ‸[0, 4294967295, 1, 2]\n", "film.crop", "expected a part of the film of 640 × 480 pixels"),
+    ("[photons]\nemission = ‸\"sobol\"\n", "photons.emission", "expected one of \"qmc\", \"random\""),
+    ("[photons]\nprojection = ‸1\n", "photons.projection", "found 1; expected true or false"),
+    ("[surface]\naccurate_distance = ‸-1\n", "surface.accurate_distance", "found -1; expected 0, or a number above 0"),
+    (
+        "[[shapes]]\ntype = \"sphere\"\ncenter = [0, 0, 0]\nradius = 1\nmaterial = \"none\"\ncasts_caustics = ‸\"no\"\n",
+        "shapes.0.casts_caustics",
+        "found \"no\"; expected true or false",
+    ),
     ("[render]\nsamples = ‸0\n", "render.samples", "found 0"),
     ("[render]\nlight_samples = ‸0\n", "render.light_samples", "found 0; expected an integer from 1 to 4096"),
     ("[render]\nlight_samples = ‸-1\n", "render.light_samples", "found -1; expected an integer from 1 to 4096"),

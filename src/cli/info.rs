@@ -248,7 +248,7 @@ fn scene_facts(path: &Path) -> Result<Value> {
     Ok(json!({
         "file": path.display().to_string(),
         "format": "scene",
-        "film": [settings.film.width, settings.film.height],
+        "film": settings.film.size(),
         "samples": settings.render.samples,
         "bounds": [(bounds.min + scene.center).to_array(), (bounds.max + scene.center).to_array()],
         "surfaces": scene.surfaces.len(),

@@ -126,7 +126,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     #[cfg(feature = "tev")]
     if let Some(address) = &arguments.tev {
         let name = description.path.display().to_string();
-        watch.viewer(Viewer::new(address, &name, (settings.film.width, settings.film.height))?);
+        watch.viewer(Viewer::new(address, &name, settings.film.size())?);
     }
     let rendering = pool.install(|| render::refine(&scene, &settings, &limits, start_from, &watch, &stop))?;
     let kept = watch.finish(&rendering.film, &rendering.stats);

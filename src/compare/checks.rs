@@ -10,7 +10,7 @@ use crate::{Error, Result};
 
 /// The regions with the whole image first.
 pub fn regions(request: &Request, base: &Description) -> Result<Vec<Region>> {
-    let (width, height) = (base.film.width, base.film.height);
+    let (width, height) = base.film.size();
     let mut regions = vec![Region { name: "image".to_string(), x: 0, y: 0, width, height }];
     for (name, [x, y, w, h]) in &request.regions {
         let fits = |from: u32, size: u32, all: u32| size > 0 && from.checked_add(size).is_some_and(|end| end <= all);
@@ -64,11 +64,11 @@ pub fn variants(context: &mut Context<'_>, budgets: &Budgets) -> Result<Vec<Vari
     let mut variants = Vec::new();
     for asked in &asked {
         let mut variant = Variant::new(asked, context)?;
-        let (film, base) = (&variant.description.film, &context.base.film);
-        if (film.width, film.height) != (base.width, base.height) {
+        let ((w, h), (width, height)) = (variant.description.film.size(), context.base.film.size());
+        if (w, h) != (width, height) {
             return Err(Error::Usage(format!(
-                "variant {} has {} × {} pixels, the scene {} × {}; all variants need one size",
-                asked.name, film.width, film.height, base.width, base.height
+                "variant {} has {w} × {h} pixels, the scene {width} × {height}; all variants need one size",
+                asked.name
             )));
         }
         let common = request.tune.as_deref().map(Tunable::of).transpose()?;

@@ -120,7 +120,8 @@ pub fn statistics(lab: &Lab<'_>, stats: Option<crate::render::Stats>, peak_bytes
         (stats.emitted, stats.volume, stats.radii) = (map.emitted, map.volume, map.radii);
         (stats.map_bytes, stats.build_seconds) = (map.map_bytes, map.build_seconds);
     }
-    let pixels = f64::from(lab.settings.film.width) * f64::from(lab.settings.film.height);
+    let (width, height) = lab.settings.film.size();
+    let pixels = f64::from(width) * f64::from(height);
     let queries = stats.gather.queries as f64;
     Statistics {
         passes: stats.passes,

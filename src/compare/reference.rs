@@ -189,7 +189,8 @@ fn make(
 /// A reference that was given, copied beside the results.
 fn file(path: &Path, context: &Context<'_>, store: &Store, regions: &[Region]) -> Result<Known> {
     let picture = image::read(path)?;
-    let (width, height) = (context.base.film.width as usize, context.base.film.height as usize);
+    let (width, height) = context.base.film.size();
+    let (width, height) = (width as usize, height as usize);
     if (picture.image.width, picture.image.height) != (width, height) {
         return Err(Error::asset(
             path,

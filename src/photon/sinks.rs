@@ -5,7 +5,7 @@ use super::{PackedNormal, Photon};
 use crate::math::{DVec3, Rgb, Stream};
 use crate::medium::Medium;
 use crate::scene::Scene;
-use crate::scene::description::SingleScattering;
+use crate::scene::description::{Projection, SingleScattering};
 use crate::transport::Collision;
 
 /// Scenes less thick than this many mean free paths need all their photons.
@@ -71,7 +71,10 @@ impl<'s> VolumeQuota<'s> {
             *clearance = self.scene.geometry.clearance(p, 2.0 * deepest);
         }
         let camera = &self.scene.camera;
-        let from_camera = p.distance(camera.position) - camera.aperture;
+        let from_camera = match camera.projection {
+            Projection::Perspective => p.distance(camera.position) - camera.aperture,
+            Projection::Orthographic => (p - camera.position).dot((camera.target - camera.position).normalize()).abs(),
+        };
         let depth = extinction * clearance.min(from_camera).clamp(0.0, deepest);
         (KEPT - depth).min(0.0).exp()
     }

@@ -3,9 +3,9 @@ use std::f64::consts::PI;
 use crate::gather::Fan;
 use crate::math::random::Dimension;
 use crate::math::{DVec3, Frame, Ray, Stream, sampling};
-use crate::scene::description::{self, Filter};
+use crate::scene::description::{self, Filter, FovAxis, Projection, Window};
 
-/// A pinhole or a thin lens.
+/// A pinhole, a thin lens, or a film that sends parallel rays.
 #[derive(Clone, Debug)]
 pub struct Camera {
     /// Where it stands.
@@ -14,13 +14,15 @@ pub struct Camera {
     pub forward: DVec3,
     right: DVec3,
     up: DVec3,
-    /// tan of half the vertical angle.
-    tangent: f64,
+    /// Half the film's height on the plane at distance 1; of parallel rays, anywhere.
+    half: f64,
+    projection: Projection,
     aperture: f64,
     focus_distance: f64,
     filter: Filter,
     width: f64,
     height: f64,
+    window: Window,
 }
 
 impl Camera {
@@ -29,21 +31,49 @@ impl Camera {
         let forward = (camera.target - camera.position).normalize();
         // right = forward × up.
         let right = forward.cross(camera.up).normalize();
+        let (width, height) = (f64::from(film.width), f64::from(film.height));
+        let tangent = (0.5 * camera.fov.to_radians()).tan();
+        let upright = match camera.fov_axis {
+            FovAxis::Y => tangent,
+            FovAxis::Smaller if height <= width => tangent,
+            FovAxis::X | FovAxis::Smaller => tangent * height / width,
+        };
+        let half = match camera.projection {
+            Projection::Perspective => upright,
+            Projection::Orthographic => upright * camera.target.distance(camera.position),
+        };
         Camera {
             position: camera.position,
             forward,
             right,
             up: right.cross(forward),
-            tangent: (0.5 * camera.fov.to_radians()).tan(),
+            half,
+            projection: camera.projection,
             aperture: camera.aperture,
             focus_distance: camera.focus_distance,
             filter: film.filter,
-            width: film.width as f64,
-            height: film.height as f64,
+            width,
+            height,
+            window: film.window(),
         }
     }
 
-    /// The pixels across and down.
+    /// Whether all rays come from its position.
+    pub fn is_pinhole(&self) -> bool {
+        self.projection == Projection::Perspective && self.aperture == 0.0
+    }
+
+    /// Whether rays through one place of the lens are parallel.
+    pub fn is_orthographic(&self) -> bool {
+        self.projection == Projection::Orthographic
+    }
+
+    /// The part of the film that is made.
+    pub fn window(&self) -> Window {
+        self.window
+    }
+
+    /// The pixels across and down of the whole film.
     pub fn size(&self) -> (u32, u32) {
         (self.width as u32, self.height as u32)
     }
@@ -52,24 +82,36 @@ impl Camera {
     pub fn ray(&self, x: u32, y: u32, stream: &mut Stream) -> Ray {
         let [dx, dy] = stream.draw(Dimension::Film, Stream::uniform2).map(|u| self.filter_offset(u));
         let across = self.across(x as f64 + 0.5 + dx, y as f64 + 0.5 + dy);
+        let (middle, axis) = match self.projection {
+            Projection::Perspective => (self.position, self.forward + across),
+            Projection::Orthographic => (self.position + across, self.forward),
+        };
         if self.aperture == 0.0 {
-            return Ray::new(self.position, (self.forward + across).normalize());
+            return Ray::new(middle, axis.normalize());
         }
         let lens = self.lens(stream);
-        let focus = self.focus_distance * (self.forward + across);
-        Ray::new(self.position + lens, (focus - lens).normalize())
+        let focus = self.focus_distance * axis;
+        Ray::new(middle + lens, (focus - lens).normalize())
     }
 
-    /// How wide the middle pixel is at distance 1.
-    pub fn pixel(&self) -> f64 {
-        2.0 * self.tangent / self.height
+    /// A pixel's edge on the plane at distance 1; of parallel rays, anywhere.
+    fn edge(&self) -> f64 {
+        2.0 * self.half / self.height
+    }
+
+    /// How wide the middle pixel is at the camera, and how much wider for each unit of distance.
+    pub fn cone(&self) -> [f64; 2] {
+        match self.projection {
+            Projection::Perspective => [0.0, self.edge()],
+            Projection::Orthographic => [self.edge(), 0.0],
+        }
     }
 
     /// Where a place of the film, in pixels from the top left, is seen, from the end of `forward`.
     fn across(&self, x: f64, y: f64) -> DVec3 {
         let ndc_x = (2.0 * x - self.width) / self.height;
         let ndc_y = 1.0 - 2.0 * y / self.height;
-        self.tangent * (ndc_x * self.right + ndc_y * self.up)
+        self.half * (ndc_x * self.right + ndc_y * self.up)
     }
 
     /// The rays through `size` × `size` pixels from (x, y) on, `rays` in all, if they come from one point.
@@ -79,9 +121,9 @@ impl Camera {
         let z = middle.normalize();
         let x = self.right.reject_from_normalized(z).normalize();
         // Pixels are seen from farther away, and aslant, off the middle of the image; filters reach beyond them.
-        let slope = (half + 0.5) * 2.0 * self.tangent / (self.height * middle.length());
+        let slope = (half + 0.5) * 2.0 * self.half / (self.height * middle.length());
         let frame = Frame { x, y: z.cross(x), z };
-        (self.aperture == 0.0).then_some(Fan { origin: self.position, frame, slope, rays })
+        self.is_pinhole().then_some(Fan { origin: self.position, frame, slope, rays })
     }
 
     /// A place drawn on the lens, from its middle.
@@ -97,44 +139,61 @@ impl Camera {
     /// point towards the lens, per steradian and without what is lost on the way, is multiplied by the view's importance and
     /// [spread](Camera::spread) over pixels.
     pub fn view(&self, point: DVec3, lens: DVec3) -> Option<View> {
-        let way = self.position + lens - point;
-        let distance = way.length();
-        let direction = way / distance;
-        let cos = -direction.dot(self.forward);
+        // The way, and the place of the film: where the line meets the sharp plane, as seen from the middle of the lens.
+        let (direction, distance, cos, across) = match self.projection {
+            Projection::Perspective => {
+                let way = self.position + lens - point;
+                let distance = way.length();
+                let direction = way / distance;
+                let cos = -direction.dot(self.forward);
+                (direction, distance, cos, lens / self.focus_distance - direction / cos)
+            }
+            Projection::Orthographic => {
+                // The lens is around the place of the film.
+                let offset = point - self.position;
+                let depth = offset.dot(self.forward);
+                let slope = self.forward - lens / self.focus_distance;
+                let length = slope.length();
+                let (distance, cos) = (depth * length, if depth > 0.0 { 1.0 / length } else { 0.0 });
+                (-slope / length, distance, cos, offset - depth * slope - lens)
+            }
+        };
         if cos.is_nan() || cos <= 0.0 {
             return None;
         }
-
-        // The place of the film: where the line meets the sharp plane, as seen from the middle of the lens.
-        let across = lens / self.focus_distance - direction / cos;
-        let x = 0.5 * (self.width + self.height * across.dot(self.right) / self.tangent);
-        let y = 0.5 * self.height * (1.0 - across.dot(self.up) / self.tangent);
+        let x = 0.5 * (self.width + self.height * across.dot(self.right) / self.half);
+        let y = 0.5 * self.height * (1.0 - across.dot(self.up) / self.half);
         let reach = self.filter_reach();
         if x <= -reach || y <= -reach || x >= self.width + reach || y >= self.height + reach {
             return None;
         }
 
-        // A pixel's edge on the plane at distance 1, where an area dA is seen under the solid angle cos³ dA.
-        let edge = self.pixel();
-        let importance = 1.0 / (edge * edge * cos.powi(3) * distance * distance);
+        // On the plane at distance 1, an area dA is seen under the solid angle cos³ dA; of parallel rays it is cos dA wide, and what the
+        // point sends along them meets that plane at one place.
+        let area = self.edge() * self.edge();
+        let importance = match self.projection {
+            Projection::Perspective => 1.0 / (area * cos.powi(3) * distance * distance),
+            Projection::Orthographic => 1.0 / (area * cos),
+        };
         Some(View { direction, distance, importance, x, y })
     }
 
-    /// Tells `part` which pixels receive what is seen, by number, and the share of each.
+    /// Tells `part` which pixels of the window receive what is seen, by number, and the share of each.
     pub fn spread(&self, view: &View, mut part: impl FnMut(u32, f64)) {
         // Pixels whose centres are within reach.
         let reach = self.filter_reach();
-        let near = |place: f64, size: f64| {
-            let first = (place - 0.5 - reach).ceil().max(0.0);
-            let last = (place - 0.5 + reach).floor().min(size - 1.0);
+        let Window { x: left, y: top, width, height } = self.window;
+        let near = |place: f64, from: u32, size: u32| {
+            let first = (place - 0.5 - reach).ceil().max(f64::from(from));
+            let last = (place - 0.5 + reach).floor().min(f64::from(from) + f64::from(size) - 1.0);
             first as i64..=last as i64
         };
-        for y in near(view.y, self.height) {
+        for y in near(view.y, top, height) {
             let down = self.filter_density(view.y - (y as f64 + 0.5));
-            for x in near(view.x, self.width) {
+            for x in near(view.x, left, width) {
                 let share = down * self.filter_density(view.x - (x as f64 + 0.5));
                 if share > 0.0 {
-                    part(y as u32 * self.width as u32 + x as u32, share);
+                    part((y as u32 - top) * width + (x as u32 - left), share);
                 }
             }
         }
@@ -188,8 +247,8 @@ pub struct View {
     pub direction: DVec3,
     /// How far the lens is.
     pub distance: f64,
-    /// What a pixel receives of what the point sends there per steradian: 1/(d² s² cos³ θ), with the edge s of a pixel on a film
-    /// at distance 1 and the angle θ to the axis; before the filter.
+    /// What a pixel receives of what the point sends there per steradian, before the filter: 1/(d² s² cos³ θ), with the edge s of a
+    /// pixel on a film at distance 1 and the angle θ to the axis; along parallel rays 1/(s² cos θ).
     pub importance: f64,
     /// The place on the film, in pixels from the top left.
     x: f64,
@@ -241,6 +300,81 @@ fn normal_mass(x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// 16 × 12 pixels from (1, 2, 3) towards (4, 2, −1).
+    fn camera(change: impl Fn(&mut description::Camera)) -> Camera {
+        let (scene, settings) = crate::scene::from_text(
+            "[film]\nwidth = 16\nheight = 12\n[camera]\nposition = [1, 2, 3]\ntarget = [4, 2, -1]\nfov = 60\n",
+        );
+        let mut camera = scene.camera.clone();
+        change(&mut camera);
+        Camera::new(&camera, &settings.film)
+    }
+
+    /// Points on a camera's rays are seen at the place of the film and in the direction that the rays have, through the same place of the lens.
+    #[test]
+    fn views_are_rays_backwards() {
+        for projection in [Projection::Perspective, Projection::Orthographic] {
+            for aperture in [0.0, 0.3] {
+                let camera = camera(|camera| (camera.projection, camera.aperture) = (projection, aperture));
+                for sample in 0..200 {
+                    let mut stream = Stream::of_sample(1, 7, sample.into(), (0, sample));
+                    let mut again = stream.clone();
+                    let (x, y) = (sample % 16, sample % 12);
+                    let ray = camera.ray(x, y, &mut stream);
+                    let [u, v] = again.draw(Dimension::Film, Stream::uniform2);
+                    let lens = camera.lens(&mut again);
+                    let distance = 0.5 + f64::from(sample) / 20.0;
+                    let view = camera.view(ray.at(distance), lens).expect("it is on the film");
+                    let off = [view.x - f64::from(x) - u, view.y - f64::from(y) - v, view.distance - distance];
+                    let turned = (view.direction + ray.direction).length();
+                    assert!(
+                        off.into_iter().chain([turned]).all(|off| off.abs() < 1e-9),
+                        "{projection:?} {aperture} {off:?}"
+                    );
+                }
+                assert!(camera.view(camera.position - camera.forward, DVec3::ZERO).is_none());
+            }
+        }
+    }
+
+    /// What a plane of radiance 1 across the axis sends to the film is 1 in every pixel.
+    #[test]
+    fn an_even_plane_is_even_on_the_film() {
+        for (projection, aperture) in
+            [(Projection::Perspective, 0.0), (Projection::Orthographic, 0.0), (Projection::Orthographic, 1.0)]
+        {
+            let camera = camera(|camera| (camera.projection, camera.aperture) = (projection, aperture));
+            const N: u32 = 400_000;
+            let mut stream = Stream::new(2, crate::math::random::Purpose::Test, 0, 0);
+            let (size, mut sums) = (16.0, vec![0.0; 16 * 12]);
+            for _ in 0..N {
+                let [x, y] = stream.uniform2().map(|u| size * (u - 0.5));
+                let lens = camera.lens(&mut stream);
+                let point = camera.position + 4.0 * camera.forward + x * camera.right + y * camera.up;
+                let Some(view) = camera.view(point, lens) else { continue };
+                let sent = -view.direction.dot(camera.forward) * size * size / f64::from(N);
+                camera.spread(&view, |pixel, part| sums[pixel as usize] += sent * view.importance * part);
+            }
+            // About as many points fall on each pixel as on another.
+            let far = sums.iter().map(|sum| (sum - 1.0f64).abs()).fold(0.0, f64::max);
+            assert!(far < 0.25, "{projection:?} {aperture}: {far}");
+            let mean = sums.iter().sum::<f64>() / sums.len() as f64;
+            assert!((mean - 1.0).abs() < 0.015, "{projection:?} {aperture}: {mean}");
+        }
+    }
+
+    /// The angle is along the side that is said; parallel rays see as much of the target's plane.
+    #[test]
+    fn angles_are_along_their_axis() {
+        let tangent = 30.0f64.to_radians().tan();
+        for (axis, half) in [(FovAxis::Y, tangent), (FovAxis::Smaller, tangent), (FovAxis::X, tangent * 0.75)] {
+            assert!((camera(|camera| camera.fov_axis = axis).half - half).abs() < 1e-12, "{axis:?}");
+        }
+        let parallel = camera(|camera| camera.projection = Projection::Orthographic);
+        assert!((parallel.half - 5.0 * tangent).abs() < 1e-12);
+        assert_eq!(parallel.cone(), [10.0 * tangent / 12.0, 0.0]);
+    }
 
     #[test]
     fn the_normal_quantile_inverts_its_distribution() {

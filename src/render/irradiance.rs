@@ -131,7 +131,8 @@ impl<'s> Filler<'_, 's> {
                 found[claim.pixel as usize].radiance += due[0].1 + due[1].1;
             }
         }
-        let least = (min_pixels * distance * self.camera.pixel()).min(max_radius);
+        let [pixel, growth] = self.camera.cone();
+        let least = (min_pixels * (pixel + growth * distance)).min(max_radius);
         let record = Record::new(at.point, &frame, cells, &found, spacing, (least, max_radius));
         (Some(record.scaled(self.scale)), std::mem::take(&mut room.queue.stats), tally)
     }

@@ -9,7 +9,7 @@
 //!
 //! with T what passes on the way, h the pixel's filter at the place x of the film where p is seen, s the edge of a
 //! pixel on a film at distance 1, and θ′ the angle to the axis (Veach 1997, §4.7 and §10.3). It is
-//! unbiased, and finds caustics as photons do. It does not find what is seen through smooth glass or in mirrors, which send
+//! unbiased, and finds caustics as photons do. Of a camera with parallel rays, W = h(x) / (s² cos θ′). It does not find what is seen through smooth glass or in mirrors, which send
 //! nothing towards a given point. Emitters and the sky, seen directly, are left to camera rays.
 //!
 //! Collisions are rare in thin media, and near the camera each counts for 1/d². So all that passes through such a medium is also
@@ -64,8 +64,9 @@ impl<'s> LightTracer<'s> {
     pub fn new(scene: &'s Scene, camera: &Camera, plan: &Plan, pass: u32) -> Self {
         let (sources, camera) = (Sources::new(scene), camera.clone());
         let extent = scene.bounds().diagonal();
+        // No place of a flight is nearer to parallel rays.
         let reach = |medium: &Medium| match equiangular::mean_free_path(medium) {
-            _ if !medium.scatters() => -1.0,
+            _ if !medium.scatters() || camera.is_orthographic() => -1.0,
             path if extent < THIN * path => f64::INFINITY,
             path => path + camera.aperture(),
         };

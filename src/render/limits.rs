@@ -76,7 +76,7 @@ impl Limits {
     /// # Errors
     /// [`Error::Limit`] for more memory than any film should take.
     pub fn film(&self, settings: &Settings, parts: u32) -> Result<Film> {
-        let (width, height) = (settings.film.width, settings.film.height);
+        let (width, height) = settings.film.size();
         let (layers, several) = self.film_of(settings, parts);
         let bytes = film_bytes(settings, layers, several);
         if bytes > MOST_FILM_BYTES {
@@ -130,7 +130,7 @@ impl Limits {
 
 /// Bytes that the film takes at most.
 fn film_bytes(settings: &Settings, layers: Layers, several: bool) -> u64 {
-    let (width, height) = (settings.film.width, settings.film.height);
+    let (width, height) = settings.film.size();
     let splats = if settings.render.method == Method::Light { Splats::bytes(layers.components) } else { 0 };
     Film::bytes(width, height, layers, several) + width as u64 * height as u64 * splats as u64
 }

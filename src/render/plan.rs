@@ -187,7 +187,7 @@ impl Plan {
         let global_photons = global_photons(scene, settings);
 
         // All together.
-        let inside = (camera.aperture() == 0.0 || scene.solids.is_empty()).then(|| scene.inside(camera.position));
+        let inside = (camera.is_pinhole() || scene.solids.is_empty()).then(|| scene.inside(camera.position));
         let mut plan = Plan {
             method: render.method,
             seed: render.seed,

@@ -20,7 +20,7 @@ use crate::gather::{GatherStats, GlobalMap, IrradianceCache, Queue, SurfaceMap};
 use crate::math::Stream;
 use crate::photon::narrowing;
 use crate::scene::Scene;
-use crate::scene::description::{self, Method};
+use crate::scene::description::{self, Method, Window};
 use crate::transport::{Events, Parts, Tally};
 
 /// Pixels along the edge of a tile, the work of one task.
@@ -37,6 +37,22 @@ struct Tile {
     sums: Vec<(u32, u32, Sums)>,
     gathered: GatherStats,
     tally: Tally,
+}
+
+/// The tiles that the film's window lies in.
+struct Tiles {
+    /// The first column and row of tiles.
+    x: u32,
+    y: u32,
+    columns: u32,
+    rows: u32,
+}
+
+impl Tiles {
+    fn of(Window { x, y, width, height }: Window) -> Self {
+        let (x, y, right, bottom) = (x / TILE, y / TILE, (x + width).div_ceil(TILE), (y + height).div_ceil(TILE));
+        Tiles { x, y, columns: right - x, rows: bottom - y }
+    }
 }
 
 /// What a thread keeps from one tile to the next: memory.
@@ -63,8 +79,8 @@ struct Round<'r, 's> {
 impl<P: Progress> Renderer<'_, P> {
     /// Samples all pixels, in rounds, the first of them short, so that an interrupted image is whole.
     pub(super) fn expose(&mut self, mode: Mode<'_>, maps: Option<&Maps>, pass: u32) {
-        let (width, height) = self.camera.size();
-        let tiles = width.div_ceil(TILE) * height.div_ceil(TILE);
+        let tiles = Tiles::of(self.camera.window());
+        let tiles = tiles.columns * tiles.rows;
         // Of light that is sent, camera rays see only what comes straight from an emitter.
         let sends = self.plan.method == Method::Light;
         let lamps = sends.then(|| LightTracer::new(self.scene, &self.camera, &self.plan, pass));
@@ -79,7 +95,7 @@ impl<P: Progress> Renderer<'_, P> {
             indirect: indirect(&self.plan, maps),
             light_samples: self.plan.light_samples,
             whitted: self.plan.method == Method::Whitted,
-            spread: self.camera.pixel() * footprint(self.plan.samples),
+            spread: self.camera.cone().map(|width| width * footprint(self.plan.samples)),
         };
         let mut eye = Eye::new(self.scene, settings);
         let cache = self.fill_cache(&eye, pass);
@@ -129,7 +145,11 @@ impl<P: Progress> Renderer<'_, P> {
                     let tile = round.tile(number as u32, &mut room);
                     let mut image = image.lock().unwrap_or_else(PoisonError::into_inner);
                     let (film, stats) = &mut *image;
-                    tile.sums.iter().for_each(|(x, y, sum)| film.add(*x, *y, sum));
+                    for (x, y, sum) in &tile.sums {
+                        if let Some((x, y)) = round.camera.window().place(*x, *y) {
+                            film.add(x, y, sum);
+                        }
+                    }
                     stats.gather += tile.gathered;
                     stats.tally = stats.tally.merge(tile.tally);
                     drop(image);
@@ -201,11 +221,13 @@ impl<'s> Round<'_, 's> {
         Some(lamps.trace((sample, task % lamps.tasks_in_sample()), &mut room.origins))
     }
 
-    /// Samples the pixels of a tile.
+    /// Samples the pixels of a tile. Rays that gather photons together do so in the whole of it, also where the film has a window: what
+    /// each of them finds depends on the others by roundings.
     fn tile(&self, tile: u32, room: &mut Room<'s>) -> Tile {
-        let (width, height) = self.camera.size();
-        let columns = width.div_ceil(TILE);
-        let (x0, y0) = (tile % columns * TILE, tile / columns * TILE);
+        let ((width, height), window) = (self.camera.size(), self.camera.window());
+        let together = matches!(self.eye.mode(), Mode::Gather(_));
+        let tiles = Tiles::of(window);
+        let (x0, y0) = ((tiles.x + tile % tiles.columns) * TILE, (tiles.y + tile / tiles.columns) * TILE);
         let mut done = Tile { sums: Vec::new(), gathered: GatherStats::default(), tally: Tally::default() };
         for part in 0..(TILE / BUNDLE).pow(2) {
             let (x0, y0) = (x0 + part % (TILE / BUNDLE) * BUNDLE, y0 + part / (TILE / BUNDLE) * BUNDLE);
@@ -213,7 +235,8 @@ impl<'s> Round<'_, 's> {
             room.queue.begin(self.camera.fan((x0, y0), BUNDLE, rays));
             for index in 0..BUNDLE * BUNDLE {
                 let (x, y) = (x0 + every_second_bit(index), y0 + every_second_bit(index >> 1));
-                if x < width && y < height && !self.stopped() {
+                let is_wanted = together || window.place(x, y).is_some();
+                if x < width && y < height && is_wanted && !self.stopped() {
                     self.pixel((x, y), room, &mut done);
                 }
             }

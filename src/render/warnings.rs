@@ -32,7 +32,7 @@ pub(super) fn sparse_map(plan: &Plan, traced: &Traced) -> Option<String> {
 /// and its square is not integrable.
 pub(super) fn pinhole_in_medium(scene: &Scene, camera: &Camera) -> Option<String> {
     let medium = &scene.media[scene.medium(&scene.inside(camera.position))? as usize];
-    (camera.aperture() == 0.0 && medium.scatters()).then(|| {
+    (camera.is_pinhole() && medium.scatters()).then(|| {
         format!(
             "the camera is a pinhole in medium {}: by method \"light\" its picture has infinite variance, however many paths are traced; give it an aperture, put it outside, or use method \"path\"",
             medium.name

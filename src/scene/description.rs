@@ -200,8 +200,13 @@ pub struct Camera {
     pub target: DVec3,
     /// What is up in the image; not parallel to the view, of any length.
     pub up: DVec3,
-    /// The full vertical angle in degrees, in (0, 180).
+    /// How places of the film become rays.
+    pub projection: Projection,
+    /// The full angle along `fov_axis` in degrees, in (0, 180); of parallel rays that under which a perspective camera here would see
+    /// as much of the plane through `target`.
     pub fov: f64,
+    /// Along which side of the film that angle is.
+    pub fov_axis: FovAxis,
     /// The radius of the lens, 0 for a pinhole.
     pub aperture: f64,
     /// The distance along the axis to the sharp plane.
@@ -209,6 +214,28 @@ pub struct Camera {
     /// Where the camera is described.
     #[serde(skip)]
     pub place: Place,
+}
+
+/// How places of the film become rays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Projection {
+    /// They come from one point, or the lens around it.
+    Perspective,
+    /// They are parallel.
+    Orthographic,
+}
+
+/// A side of the film.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FovAxis {
+    /// Its height.
+    Y,
+    /// Its width.
+    X,
+    /// The shorter of both.
+    Smaller,
 }
 
 /// `[world]`: what is everywhere outside solids.

@@ -12,9 +12,9 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::description::{
-    Camera, Description, Document, Estimate, Film, Filter, Indirect, Kernel, March, Method, PhotonEmission, Photons,
-    Profile, Records, Render, SingleScattering, Step, Surface, SurfaceEstimate, SurfaceFilter, ToneMap, Unit, Volume,
-    World,
+    Camera, Description, Document, Estimate, Film, Filter, FovAxis, Indirect, Kernel, March, Method, PhotonEmission,
+    Photons, Profile, Projection, Records, Render, SingleScattering, Step, Surface, SurfaceEstimate, SurfaceFilter,
+    ToneMap, Unit, Volume, Window, World,
 };
 use super::table::{Item, Problems, Read, Table, unit};
 use super::text::text_of;
@@ -175,6 +175,7 @@ fn corners(table: &Table) -> Read<(DVec3, DVec3)> {
 fn film(table: &Table) -> Read<Film> {
     let width = table.get_or("width", 640, |item| item.u32(1));
     let height = table.get_or("height", 480, |item| item.u32(1));
+    let crop = table.get("crop", |item| Ok((item.clone(), window(item)?)));
     let filter = table.get_or("filter", Filter::Box, |item| {
         item.choice(&[("box", Filter::Box), ("tent", Filter::Tent), ("gaussian", Filter::Gaussian)], &[])
     });
@@ -199,9 +200,20 @@ fn film(table: &Table) -> Read<Film> {
             ),
         ));
     }
+    let crop = match crop? {
+        Some((item, Window { x, y, width: w, height: h }))
+            if u64::from(x) + u64::from(w) > width.into() || u64::from(y) + u64::from(h) > height.into() =>
+        {
+            return Err(
+                item.expected(format!("a part of the film of {width} × {height} pixels, [x, y, width, height]"))
+            );
+        }
+        crop => crop.map(|(_, window)| window),
+    };
     Ok(Film {
         width,
         height,
+        crop,
         filter: filter?,
         exposure: exposure?,
         tone_map: tone_map?,
@@ -210,11 +222,24 @@ fn film(table: &Table) -> Read<Film> {
     })
 }
 
+/// `[x, y, width, height]`
+fn window(item: &Item) -> Read<Window> {
+    let expected = "four integers, [x, y, width, height]";
+    let items = item.array(expected)?;
+    let [x, y, width, height] = items.as_slice() else { return Err(item.expected(expected)) };
+    let (x, y, width, height) = (x.u32(0), y.u32(0), width.u32(1), height.u32(1));
+    Ok(Window { x: x?, y: y?, width: width?, height: height? })
+}
+
 fn camera(table: &Table) -> Read<Camera> {
     let position = table.require("position", Item::vector);
     let target = table.require("target", Item::vector);
     let up = table.get_or("up", DVec3::Y, Item::vector);
+    let projections = [("perspective", Projection::Perspective), ("orthographic", Projection::Orthographic)];
+    let projection = table.get_or("projection", Projection::Perspective, |item| item.choice(&projections, &[]));
     let fov = table.get_or("fov", 40.0, |item| item.between(0.0, 180.0));
+    let axes = [("y", FovAxis::Y), ("x", FovAxis::X), ("smaller", FovAxis::Smaller)];
+    let fov_axis = table.get_or("fov_axis", FovAxis::Y, |item| item.choice(&axes, &[]));
     let aperture = table.get_or("aperture", 0.0, Item::length_or_zero);
     let focus_distance = table.get("focus_distance", Item::length);
     table.finish()?;
@@ -235,7 +260,9 @@ fn camera(table: &Table) -> Read<Camera> {
         position,
         target,
         up,
+        projection: projection?,
         fov: fov?,
+        fov_axis: fov_axis?,
         aperture: aperture?,
         focus_distance: focus_distance?.unwrap_or(distance),
         place: table.place(),

@@ -96,10 +96,10 @@ impl<'s> Walk<'s> {
         Walk { starts, crossed, ..Walk::new(scene, ray, inside) }
     }
 
-    /// This walk as the middle of a cone of rays that is `spread` times wider than it has come far: textures are taken at that width
-    /// (Amanatides 1984). Events do not change by how much it grows.
-    pub fn spread(self, spread: f64) -> Self {
-        Walk { cone: [0.0, spread], ..self }
+    /// This walk as the middle of a cone of rays that is so wide here, and by so much wider as it has come far: textures are taken at that
+    /// width (Amanatides 1984). Events do not change by how much it grows.
+    pub fn spread(self, cone: [f64; 2]) -> Self {
+        Walk { cone, ..self }
     }
 
     /// How wide the cone is at parameter `t` of the line.

@@ -65,8 +65,8 @@ pub struct EyeSettings<'s> {
     pub light_samples: u32,
     /// Whether paths end where they meet a surface after one that spread them: Whitted's ray tracing.
     pub whitted: bool,
-    /// How wide what textures are taken over is at distance 1 from the camera.
-    pub spread: f64,
+    /// How wide what textures are taken over is at the camera, and how much wider for each unit of distance.
+    pub spread: [f64; 2],
 }
 
 /// Who tells what light diffuse surfaces get that comes neither straight from a light nor as a caustic.
@@ -604,7 +604,7 @@ radiance = 1
                 indirect: Indirect::Path,
                 light_samples: 1,
                 whitted: false,
-                spread: 0.0,
+                spread: [0.0; 2],
             };
             let eye = Eye::new(&scene, settings);
             let (mut queue, mut parts, mut tally) = (Queue::default(), Parts::new(), Tally::default());

@@ -9,6 +9,8 @@ pub struct Film {
     pub width: u32,
     /// Pixels down, at least 1.
     pub height: u32,
+    /// The part that is made, inside of the film; `None`: all of it.
+    pub crop: Option<Window>,
     /// How samples are weighted into pixels.
     pub filter: Filter,
     /// Stops by which PNG files are brightened; `None`: chosen from the image.
@@ -19,6 +21,40 @@ pub struct Film {
     pub layers: bool,
     /// Whether a single pass splits its photons to estimate the standard error.
     pub standard_error: bool,
+}
+
+impl Film {
+    /// The part of the film that is made.
+    pub fn window(&self) -> Window {
+        self.crop.unwrap_or(Window { x: 0, y: 0, width: self.width, height: self.height })
+    }
+
+    /// The pixels across and down of the picture.
+    pub fn size(&self) -> (u32, u32) {
+        let Window { width, height, .. } = self.window();
+        (width, height)
+    }
+}
+
+/// A rectangle of pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Window {
+    /// Its first column from the left,
+    pub x: u32,
+    /// and its first row from the top.
+    pub y: u32,
+    /// Pixels across, at least 1.
+    pub width: u32,
+    /// Pixels down, at least 1.
+    pub height: u32,
+}
+
+impl Window {
+    /// The place in the window of a pixel of the film, if it is there.
+    pub fn place(&self, x: u32, y: u32) -> Option<(u32, u32)> {
+        let (x, y) = (x.checked_sub(self.x)?, y.checked_sub(self.y)?);
+        (x < self.width && y < self.height).then_some((x, y))
+    }
 }
 
 /// The reconstruction filter of the film.
