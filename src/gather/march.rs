@@ -1,6 +1,6 @@
 //! Marching: where along a ray something is evaluated, and what each place weighs (Jensen 2001, §10.4).
 //!
-//! All three marchers divide the ray into steps and draw one place in each, in proportion to the transmittance of a
+//! All marchers divide the ray into steps and draw one place in each, in proportion to the transmittance of a
 //! locally constant medium. A place then weighs T(t)/p(t), with the exact T: in a constant medium this is ∫T over
 //! the step, wherever the place is, and in any medium the sum is right on average for any size of steps.
 
@@ -22,6 +22,9 @@ pub enum Stepping {
     },
     /// In inverse proportion to the transmittance: each step sees the same share of what there is to see.
     Exponential,
+    /// As long as light flies freely where they begin, −ln ξ/σ_t, but no shorter than the smallest, nor where the density varies longer
+    /// than a few of these (Jensen 2001, Eq. 10.20).
+    Random,
 }
 
 /// A marcher.
@@ -101,6 +104,9 @@ const FAINT: f64 = 0.05;
 /// Adaptive marching starts with steps this many times the smallest. Longer ones come upon what is small and bright
 /// seldom, and then with a large weight: in `scenes/volume-caustic.toml` 8 and 16 are noisier, 2 is slower.
 const COARSEST: f64 = 4.0;
+
+/// Random steps are no longer than this many times the smallest where the density varies: what lies beyond may be dense.
+const LONGEST: f64 = 8.0;
 
 /// Knots between which exponential marching takes the transmittance for exponential.
 const KNOTS: usize = 128;
@@ -196,9 +202,14 @@ impl Roulette {
 }
 
 impl Marcher {
-    /// About how many places there are per length where this share of light is transmitted.
-    pub fn places(&self, transmitted: f64) -> f64 {
+    /// About how many places there are per length in a medium where this share of light is transmitted.
+    pub fn places(&self, medium: &Medium, transmitted: f64) -> f64 {
         match self.stepping {
+            Stepping::Random => {
+                // The mean of the longer one of a free path and the smallest step.
+                let rate = medium.extinction.max_element() * medium.density.max();
+                rate / (self.size * rate + (-self.size * rate).exp())
+            }
             Stepping::Uniform | Stepping::Adaptive { .. } => 1.0 / self.size,
             Stepping::Exponential => transmitted / self.size,
         }
@@ -248,6 +259,21 @@ impl Marcher {
                         steps.place(mass * (i as f64 / count), &mut knot).max(step.ends[1]).min(segment.b)
                     };
                     step = Step { ends: [step.ends[1], end], depths: [step.depths[1], segment.depth(end)] };
+                    add(&mut sums, segment, &step, u, 1.0 / roulette.reached, stream, source);
+                }
+            }
+            Stepping::Random => {
+                let even = segment.medium.density.is_even();
+                let longest = if even { f64::INFINITY } else { LONGEST * self.size };
+                let extinction = segment.medium.extinction.max_element();
+                let mut step = Step::new(segment, segment.a, segment.a);
+                while step.ends[1] < segment.b && roulette.goes_on(segment.transmitted(step.depths[1]), stream) {
+                    let from = step.ends[1];
+                    let density = if even { 1.0 } else { segment.medium.density.at(segment.ray.at(from)) };
+                    let length = (stream.exponential() / (extinction * density)).clamp(self.size, longest);
+                    let end = (from + length).min(segment.b);
+                    step = Step { ends: [from, end], depths: [step.depths[1], segment.depth(end)] };
+                    let u = stream.uniform();
                     add(&mut sums, segment, &step, u, 1.0 / roulette.reached, stream, source);
                 }
             }
@@ -411,7 +437,8 @@ mod tests {
     use crate::medium::density::{Density, Exponential};
     use crate::medium::phase::{Isotropic, Phase};
 
-    const STEPPINGS: [Stepping; 3] = [Stepping::Uniform, Stepping::Adaptive { contrast: 0.2 }, Stepping::Exponential];
+    const STEPPINGS: [Stepping; 4] =
+        [Stepping::Uniform, Stepping::Adaptive { contrast: 0.2 }, Stepping::Exponential, Stepping::Random];
 
     fn medium(extinction: [f64; 3], density: Density) -> Medium {
         Medium {
@@ -535,6 +562,9 @@ mod tests {
         // 30 steps to 1/20, and one mean free path from there on.
         let uniform = places(1.0, Stepping::Uniform, &one);
         assert!((35.0..45.0).contains(&uniform), "{uniform}");
+        // Steps of a mean free path or a little more, down to 1/20 and then one or two.
+        let random = places(1.0, Stepping::Random, &one);
+        assert!((3.0..6.0).contains(&random), "{random}");
         // Coarse steps where nothing changes, two places each; fine ones around the flash.
         let even = places(0.0, Stepping::Adaptive { contrast: 0.1 }, &one);
         assert!((495.0..510.0).contains(&even), "{even}");

@@ -283,6 +283,7 @@ fn marchers(scene: &Scene, volume: &Volume, extent: f64) -> Vec<Marcher> {
         Step::Uniform => Stepping::Uniform,
         Step::Adaptive => Stepping::Adaptive { contrast: march.contrast },
         Step::Exponential => Stepping::Exponential,
+        Step::Random => Stepping::Random,
     };
     // Short against the scene, and in dense media against half a mean free path.
     let longest = extent / STEPS;

@@ -355,7 +355,12 @@ fn volume(table: &Table) -> Read<Volume> {
 }
 
 fn march(table: &Table) -> Read<March> {
-    let kinds = [("uniform", Step::Uniform), ("adaptive", Step::Adaptive), ("exponential", Step::Exponential)];
+    let kinds = [
+        ("uniform", Step::Uniform),
+        ("adaptive", Step::Adaptive),
+        ("exponential", Step::Exponential),
+        ("random", Step::Random),
+    ];
     let step = table.get_or("step", March::DEFAULT.step, |item| item.choice(&kinds, &[]));
     let size = table.get("size", Item::length);
     let contrast = table.get_or("contrast", March::DEFAULT.contrast, Item::positive);

@@ -36,7 +36,7 @@ impl Looking<'_, '_, '_> {
         let flight = Flight::new(segment, medium, weight);
         let places = |t: f64| {
             let passed = medium.transmittance(medium.density.depth(ray, segment.a, t));
-            marcher.places((shares(weight) * passed).element_sum()).max(f64::MIN_POSITIVE)
+            marcher.places(medium, (shares(weight) * passed).element_sum()).max(f64::MIN_POSITIVE)
         };
         self.light_equiangularly(segment, &flight, luggage, places);
 

@@ -226,6 +226,8 @@ pub enum Step {
     Adaptive,
     /// The longer the less light arrives from there.
     Exponential,
+    /// As long as free paths.
+    Random,
 }
 
 /// Where light comes from that a medium scatters straight from a light.
