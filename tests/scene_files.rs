@@ -434,6 +434,22 @@ const MISTAKES: &[(&str, &str, &str)] = &[
         "shapes.0.casts_caustics",
         "found \"no\"; expected true or false",
     ),
+    // Still to come.
+    ("[photons]\nimportance = ‸true\n", "photons.importance", "importance of photons is not supported yet"),
+    ("[photons]\ndensity_control = ‸true\n", "photons.density_control", "density control is not supported yet"),
+    ("[render]\nquality = ‸\"draft\"\n", "render.quality", "\"draft\" is not supported yet"),
+    ("[volume]\nboundaries = ‸\"share\"\n", "volume.boundaries", "\"share\" is not supported yet"),
+    (
+        "[media.a]\nsigma_s = 1\nadd = ‸true\n",
+        "media.a.add",
+        "a medium that adds to what it overlaps is not supported yet",
+    ),
+    (
+        "[media.a]\nsigma_s = 1\ndensity = { type = \"noise\", precision = ‸\"half\" }\n",
+        "media.a.density.precision",
+        "\"half\" is not supported yet",
+    ),
+    ("[[lights]]\ntype = ‸\"sky\"\n", "lights.0.type", "\"sky\" is not supported yet"),
     ("[render]\nsamples = ‸0\n", "render.samples", "found 0"),
     ("[render]\nlight_samples = ‸0\n", "render.light_samples", "found 0; expected an integer from 1 to 4096"),
     ("[render]\nlight_samples = ‸-1\n", "render.light_samples", "found -1; expected an integer from 1 to 4096"),

@@ -282,14 +282,18 @@ fn world(table: &Table, names: &Names) -> Read<World> {
 const MOST_LIGHT_SAMPLES: i128 = 4096;
 
 fn render(table: &Table) -> Read<Render> {
-    let method = table
-        .get_or("method", Method::Photon, |item| item.choice(&Method::ALL.map(|method| (method.name(), method)), &[]));
+    // What suits a scene best is not told apart yet.
+    let methods: Vec<_> =
+        Method::ALL.iter().map(|method| (method.name(), *method)).chain([("auto", Method::Photon)]).collect();
+    let method = table.get_or("method", Method::Photon, |item| item.choice(&methods, &[]));
+    let quality = table.get_or("quality", (), |item| item.choice(&[("normal", ())], &["draft", "high"]));
     let samples = table.get_or("samples", 16, |item| item.u32(1));
     let light_samples = table.get_or("light_samples", 1, |item| item.integer(1, MOST_LIGHT_SAMPLES));
     let passes = table.get_or("passes", 1, |item| item.u32(1));
     let seed = table.get_or("seed", 1, |item| item.u64(0));
     let max_depth = table.get_or("max_depth", 0, |item| item.u32(0));
     table.finish()?;
+    quality?;
     Ok(Render {
         method: method?,
         samples: samples?,
@@ -300,6 +304,11 @@ fn render(table: &Table) -> Read<Render> {
     })
 }
 
+/// A switch that is off: what it would turn on is still to come; `what` ends in a verb.
+fn off(item: &Item, what: &str) -> Read<()> {
+    if item.boolean()? { Err(item.unsupported(what)) } else { Ok(()) }
+}
+
 fn photons(table: &Table) -> Read<Photons> {
     let volume = table.get("volume", |item| item.u64(1));
     let global = table.get("global", |item| item.u64(0));
@@ -308,7 +317,10 @@ fn photons(table: &Table) -> Read<Photons> {
     let projection = table.get_or("projection", true, Item::boolean);
     let ways = [("qmc", PhotonEmission::Qmc), ("random", PhotonEmission::Random)];
     let emission = table.get_or("emission", PhotonEmission::Qmc, |item| item.choice(&ways, &[]));
+    let importance = table.get("importance", |item| off(item, "importance of photons is"));
+    let density_control = table.get("density_control", |item| off(item, "density control is"));
     table.finish()?;
+    importance.and(density_control)?;
     Ok(Photons {
         volume: volume?,
         global: global?,
@@ -340,7 +352,9 @@ fn volume(table: &Table) -> Read<Volume> {
     let single_scattering =
         table.get_or("single_scattering", SingleScattering::Photons, |item| item.choice(&ways, &[]));
     let march = table.get("march", |item| march(&item.table()?));
+    let boundaries = table.get_or("boundaries", (), |item| item.choice(&[("lean", ())], &["none", "share"]));
     table.finish()?;
+    boundaries?;
     Ok(Volume {
         estimate: estimate?,
         kernel: kernel?,

@@ -23,7 +23,7 @@ fn kind(table: &Table, names: &Names) -> Read<LightKind> {
     type Reader = fn(&Table, &Names) -> Read<LightKind>;
     let kinds: [(&str, Reader); 4] =
         [("point", point), ("spot", spot), ("directional", directional), ("environment", environment)];
-    let read = table.require("type", |item| item.choice(&kinds, &[]))?;
+    let read = table.require("type", |item| item.choice(&kinds, &["sky"]))?;
     read(table, names)
 }
 

@@ -1,6 +1,6 @@
 //! `[media.*]`
 
-use super::{Either, Names, all, either, transform::transform};
+use super::{Either, Names, all, either, off, transform::transform};
 use crate::math::{DAffine3, DVec3, Rgb};
 use crate::medium::density::bricks::{Interpolation, NegativePolicy};
 use crate::medium::density::{Exponential, Noise};
@@ -15,8 +15,10 @@ pub(super) fn medium(name: &str, item: &Item, names: &Names, scene_unit: Unit) -
     let mean_cosine = phase.as_ref().map_or(0.0, Phase::mean_cosine);
     let coefficients = coefficients(&table, mean_cosine, scene_unit);
     let density = table.get_or("density", Density::Constant { value: 1.0 }, |item| density(&item.table()?, names));
+    let adds = table.get("add", |item| off(item, "a medium that adds to what it overlaps is"));
     let emission = table.get("emission", |item| emission(&item.table()?));
     table.finish()?;
+    adds?;
     let ((sigma_s, sigma_a), density, emission) = (coefficients?, density?, emission?);
     if let (Some(MediumEmission::BlackBody { temperature, .. }), false) = (&emission, density.grids().is_some()) {
         let message = "names a second grid of the density's file; expected a `density` of type \"vdb\"";
@@ -125,6 +127,11 @@ fn density(table: &Table, names: &Names) -> Read<Density> {
     read(table, names)
 }
 
+/// How exactly voxels are kept: as they are.
+fn precision(table: &Table) -> Read<()> {
+    table.get_or("precision", (), |item| item.choice(&[("full", ())], &["half"]))
+}
+
 fn constant(table: &Table, _: &Names) -> Read<Density> {
     let value = table.get_or("value", 1.0, Item::non_negative);
     table.finish()?;
@@ -142,7 +149,9 @@ fn vdb(table: &Table, names: &Names) -> Read<Density> {
     let negative = table.get_or("negative", NegativePolicy::Error, |item| {
         item.choice(&[("error", NegativePolicy::Error), ("zero", NegativePolicy::Zero)], &[])
     });
+    let precision = precision(table);
     table.finish()?;
+    precision?;
     Ok(Density::Vdb {
         file: file?,
         grid: grid?,
@@ -155,7 +164,9 @@ fn vdb(table: &Table, names: &Names) -> Read<Density> {
 fn array(table: &Table, names: &Names) -> Read<Density> {
     let file = table.require("file", |item| item.file(names.folder, &["npy"]));
     let corners = super::corners(table);
+    let precision = precision(table);
     table.finish()?;
+    precision?;
     let (min, max) = corners?;
     Ok(Density::Array { file: file?, min, max })
 }
@@ -172,7 +183,9 @@ fn exponential(table: &Table, _: &Names) -> Read<Density> {
 
 fn noise(table: &Table, _: &Names) -> Read<Density> {
     let noise = noise_of(table, 0.5);
+    let precision = precision(table);
     table.finish()?;
+    precision?;
     noise.map(Density::Noise)
 }
 
