@@ -132,6 +132,7 @@ const WAYS: &[(&str, &[&str])] = &[
     ("cached", &[]),
     ("cached by distance", &["surface.records=split_sphere", "surface.cache_error=0.2"]),
     ("shown", &["surface.indirect=map"]),
+    ("shown by sheets", &["surface.indirect=map", "surface.estimate=sheets"]),
 ];
 
 /// Means of whole films by all ways, within half a per cent beyond their noise of what paths found once, with standard errors.

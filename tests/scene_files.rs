@@ -749,17 +749,6 @@ fn several_mistakes_are_reported_at_once_in_the_order_of_the_file() {
     }
 }
 
-/// Keys of the manual whose features are still to come.
-const LATER: &[&str] = &["[surface]\nestimate = \"sheets\"\n"];
-
-#[test]
-fn what_is_not_built_yet_is_refused_as_such() {
-    for text in LATER {
-        let message = complaint(&format!("{text}{CAMERA}"), &[]);
-        assert!(message.lines().all(|line| line.contains("not supported yet")), "{message}");
-    }
-}
-
 #[test]
 fn overrides_reach_every_key() {
     let scene = parse(

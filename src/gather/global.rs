@@ -1,6 +1,6 @@
 //! Radiance that surfaces reflect of all light, from the global photon map.
 
-use super::surface::{Place, SurfaceMap, are_one};
+use super::surface::{Place, Reach, SurfaceMap, are_one};
 use crate::math::{Rgb, Stream, Vec3};
 use crate::photon::{Ball, Kind, Load, Photon, PointMap, PointMemory, PointSettings};
 use crate::scene::Scene;
@@ -35,8 +35,8 @@ pub struct GlobalMemory {
 /// How a global map is made.
 #[derive(Clone, Copy, Debug)]
 pub struct GlobalSettings {
-    /// How far a look-up reaches.
-    pub ball: Ball,
+    /// How far photons count.
+    pub reach: Reach,
     /// How photons count from the middle of their disc to its rim.
     pub filter: SurfaceFilter,
     /// The irradiance is computed at one of so many photons; 0: nowhere.
@@ -48,15 +48,15 @@ pub struct GlobalSettings {
 impl GlobalMap {
     /// Puts photons in order, with the same result for any number of threads; all radii are `scale` times as wide.
     pub fn build(scene: &Scene, photons: Vec<Photon>, settings: &GlobalSettings, scale: f32) -> Self {
-        let GlobalSettings { ball, filter, precomputed, max_radius } = *settings;
+        let GlobalSettings { reach, filter, precomputed, max_radius } = *settings;
         let some = photons.iter().step_by(precomputed.max(1) as usize).filter(|_| precomputed > 0);
         let places: Vec<_> = some.map(|photon| (photon.position, photon.normal)).collect();
-        let photons = SurfaceMap::build(scene, (Kind::Global, photons), ball, filter, scale);
+        let photons = SurfaceMap::build(scene, (Kind::Global, photons), reach, filter, scale);
         let irradiances = (!places.is_empty()).then(|| {
             let nearest = Ball::Nearest { neighbours: CANDIDATES, max_radius };
             let settings =
                 PointSettings { tagged: true, normals: true, boundaries: false, ..PointSettings::new(nearest) };
-            PointMap::build(photons.irradiances(scene, &places), &settings, &|_, _| 0.0)
+            PointMap::build(photons.irradiances(scene, &places, precomputed), &settings, &|_, _| 0.0)
         });
         GlobalMap { blur: photons.mean_radius(), photons, irradiances }
     }

@@ -31,5 +31,5 @@ pub use point::{Marching, PointMaps, PointQuery};
 pub use sampled::{SampledDepths, Samples};
 pub use segment::EyeSegment;
 pub use stream::StreamScratch;
-pub use surface::SurfaceMap;
+pub use surface::{Reach, SurfaceMap};
 pub use volume::{Queue, VolumeMaps, emitted};

@@ -10,10 +10,10 @@ use super::kernel::Profile;
 use super::radius::{InMedium, Radii, radius_limits};
 use super::simd::{Isa, LANES, Lanes, Row, Task};
 use super::store::{
-    Descent, KEPT, LEAF, List, Meets, PackedNormal, Photon, Subtrees, blocks_of, children, events_of, node_count,
-    ordered, photons_in, pieces, storable,
+    Descent, KEPT, LEAF, List, Meets, PackedNormal, Photon, Subtrees, Widths, blocks_of, children, events_of,
+    node_count, ordered, photons_in, pieces, storable,
 };
-use crate::math::{Bounds, Vec3};
+use crate::math::{Bounds, DVec3, Rgb, Vec3};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -63,6 +63,15 @@ pub(crate) struct Load {
     pub power: [Row; 3],
 }
 
+impl Load {
+    /// The direction that a photon travelled in, and its power.
+    #[inline(always)]
+    pub(crate) fn of(&self, lane: usize) -> (DVec3, Rgb) {
+        let of = |rows: &[Row; 3]| Vec3::from(rows.each_ref().map(|row| row.0[lane])).as_dvec3();
+        (of(&self.direction), Rgb::from(of(&self.power)))
+    }
+}
+
 /// Sixteen subtrees: boxes around their photons, and where they are.
 #[derive(Clone, Debug, PartialEq)]
 #[repr(C, align(64))]
@@ -71,7 +80,7 @@ pub(crate) struct BoxNode {
     /// Both are ∞ for a child that does not exist.
     max: [Row; 3],
     /// Indices of nodes, or of blocks with [`LEAF`] set.
-    children: [u32; LANES],
+    pub(super) children: [u32; LANES],
     /// Which children are blocks.
     leaves: u16,
 }
@@ -113,7 +122,7 @@ pub struct PointMap {
     pub(crate) events: Vec<[u8; LANES]>,
     /// Normals of the surfaces they landed on, if they remember.
     pub(crate) normals: Vec<[PackedNormal; LANES]>,
-    nodes: Vec<BoxNode>,
+    pub(super) nodes: Vec<BoxNode>,
     /// By block; none if walls do not matter.
     clearances: Vec<Clearance>,
     pub(crate) isa: Isa,
@@ -132,6 +141,8 @@ pub struct PointMap {
 pub struct PointMemory {
     /// Blocks near the last point.
     blocks: Vec<u32>,
+    /// The photons of each that were found, by bits, where look-ups tell.
+    lanes: Vec<u16>,
     distances: Vec<Row>,
     /// The last place and the distance of its n-th photon.
     last: Option<(Vec3, f32)>,
@@ -143,6 +154,29 @@ impl PointMemory {
     /// The blocks that the last look-up met.
     pub(crate) fn blocks(&self) -> &[u32] {
         &self.blocks
+    }
+
+    /// Block and lane of each photon that the last look-up in a sheet map found.
+    pub(crate) fn lanes(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        self.blocks.iter().zip(&self.lanes).flat_map(|(&block, &bits)| {
+            let left = std::iter::successors(Some(bits), |bits| Some(bits & (bits - 1))).take_while(|bits| *bits != 0);
+            left.map(move |bits| (block as usize, bits.trailing_zeros() as usize))
+        })
+    }
+
+    /// Forgets what the last look-up found.
+    pub(super) fn clear(&mut self) {
+        self.blocks.clear();
+        self.lanes.clear();
+    }
+
+    /// Adds the photons of a block that a look-up finds, if there are some.
+    #[inline(always)]
+    pub(super) fn push(&mut self, block: usize, bits: u16) {
+        if bits != 0 {
+            self.blocks.push(block as u32);
+            self.lanes.push(bits);
+        }
     }
 
     /// How many nodes all look-ups took.
@@ -192,7 +226,11 @@ impl PointMap {
         let (min, max) = if count == 0 {
             (Vec3::INFINITY, Vec3::NEG_INFINITY)
         } else {
-            Input { positions: &positions, photons: count }.fill(0..positions.len(), 0, &mut nodes)
+            Input { positions: &positions, photons: count, radii: Widths::Same(0.0) }.fill(
+                0..positions.len(),
+                0,
+                &mut nodes,
+            )
         };
         let wanted = match settings.ball {
             Ball::Fixed(radius) => radius,
@@ -274,8 +312,9 @@ impl PointMap {
         self.isa.run(LookUp { map: self, x, memory })
     }
 
+    /// As [`PointMap::look_up`].
     #[inline(always)]
-    fn around<L: Lanes>(&self, x: Vec3, memory: &mut PointMemory) -> f32 {
+    pub(super) fn around<L: Lanes>(&self, x: Vec3, memory: &mut PointMemory) -> f32 {
         let lanes = [L::splat(x.x), L::splat(x.y), L::splat(x.z)];
         match self.ball {
             Ball::Fixed(_) => {
@@ -361,6 +400,31 @@ impl PointMap {
         (InMedium::radius_of(f64::from(volume) * n as f64 / self.photons as f64) as f32).max(f32::MIN_POSITIVE)
     }
 
+    fn input<'a>(&'a self, radii: Widths<'a>) -> Input<'a> {
+        Input { positions: &self.positions, photons: self.photons, radii }
+    }
+
+    /// Lets the tree's boxes hold balls of these radii around the photons.
+    pub(super) fn cover(&mut self, radii: &[f32]) {
+        let mut nodes = std::mem::take(&mut self.nodes);
+        if !nodes.is_empty() {
+            self.input(Widths::Own(radii)).fill(0..self.positions.len(), 0, &mut nodes);
+        }
+        self.nodes = nodes;
+    }
+
+    /// The box around its photons.
+    pub(super) fn extent(&self) -> Bounds {
+        self.bounds
+    }
+
+    /// How far a block's photons are from its first at most.
+    pub(crate) fn half(&self, block: usize) -> f32 {
+        let first = self.place(block, 0);
+        let others = (1..LANES).map(|lane| self.place(block, lane)).filter(|place| place.is_finite());
+        others.map(|place| place.distance_squared(first)).fold(0.0, f32::max).sqrt()
+    }
+
     /// Where one of a block's photons is; not a number, or infinite, if there is none.
     pub(crate) fn place(&self, block: usize, lane: usize) -> Vec3 {
         Vec3::from(self.positions[block].each_ref().map(|row| row.0[lane]))
@@ -391,7 +455,7 @@ impl PointMap {
     }
 
     fn clearances_by(&self, clearance: &(impl Fn(Vec3, f32) -> f32 + Sync)) -> Vec<Clearance> {
-        let input = Input { positions: &self.positions, photons: self.photons };
+        let input = self.input(Widths::Same(0.0));
         let of = |block: usize| {
             let (min, max) = input.block(block);
             let (center, half) = (0.5 * (min + max), 0.5 * max.distance(min));
@@ -466,6 +530,8 @@ fn normals_of(photons: &[Photon]) -> [PackedNormal; LANES] {
 struct Input<'a> {
     positions: &'a [[Row; 3]],
     photons: usize,
+    /// Of the balls that boxes hold.
+    radii: Widths<'a>,
 }
 
 impl Input<'_> {
@@ -494,15 +560,17 @@ impl Input<'_> {
     fn block(&self, index: usize) -> (Vec3, Vec3) {
         let rows = &self.positions[index];
         let at = |lane: usize| Vec3::new(rows[0].0[lane], rows[1].0[lane], rows[2].0[lane]);
-        (0..photons_in(index, self.photons))
-            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max), lane| (min.min(at(lane)), max.max(at(lane))))
+        (0..photons_in(index, self.photons)).fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max), lane| {
+            let radius = self.radii.of(index * LANES + lane);
+            (min.min(at(lane) - radius), max.max(at(lane) + radius))
+        })
     }
 }
 
 /// What comes within a squared distance of `x`.
-struct Near<'a, L> {
-    x: &'a [L; 3],
-    squared: f32,
+pub(super) struct Near<'a, L> {
+    pub(super) x: &'a [L; 3],
+    pub(super) squared: f32,
 }
 
 impl<L: Lanes> Meets<BoxNode> for Near<'_, L> {

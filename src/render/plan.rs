@@ -2,7 +2,7 @@
 
 use crate::Result;
 use crate::gather::march::{Marcher, Stepping};
-use crate::gather::{Cells, GlobalSettings, Spacing};
+use crate::gather::{Cells, GlobalSettings, Reach, Spacing};
 use crate::medium::Medium;
 use crate::photon::kernel::Profile;
 use crate::photon::{Ball, Emission, InMedium, Kind, PointSettings, Radius, may_land};
@@ -33,7 +33,7 @@ pub struct Plan {
     /// Photons wanted in each pass's caustic map; 0 if there is none.
     pub caustic_photons: u64,
     /// How the caustic map is looked up.
-    pub caustics: (Ball, SurfaceFilter),
+    pub caustics: (Reach, SurfaceFilter),
     /// Who tells what diffuse surfaces get that comes neither straight from a light nor as a caustic.
     pub indirect: Indirect,
     /// Photons wanted in each pass's global map; 0 if there is none.
@@ -178,9 +178,14 @@ impl Plan {
 
         // How photons on surfaces are looked up.
         let diagonal = scene.bounds().diagonal();
-        let ball = |max_radius: f64| match surface.estimate {
-            SurfaceEstimate::Knn => Ball::Nearest { neighbours: surface.neighbours, max_radius: max_radius as f32 },
-            SurfaceEstimate::Fixed => Ball::Fixed(surface.radius.unwrap_or(FIXED_RADIUS_SHARE * diagonal) as f32),
+        let reach = |max_radius: f64| {
+            let (neighbours, max_radius) = (surface.neighbours, max_radius as f32);
+            let fixed = || surface.radius.unwrap_or(FIXED_RADIUS_SHARE * diagonal) as f32;
+            match surface.estimate {
+                SurfaceEstimate::Knn => Reach::Ball(Ball::Nearest { neighbours, max_radius }),
+                SurfaceEstimate::Fixed => Reach::Ball(Ball::Fixed(fixed())),
+                SurfaceEstimate::Sheets => Reach::Sheets { neighbours, max_radius },
+            }
         };
         let caustic_radius = surface.caustic_radius.unwrap_or(CAUSTIC_RADIUS_SHARE * diagonal);
         let max_radius = surface.max_radius.unwrap_or(MAX_RADIUS_SHARE * diagonal);
@@ -198,7 +203,7 @@ impl Plan {
             },
             volume_photons: if photons > 0 { (photons / parts as u64).max(1) } else { 0 },
             caustic_photons: caustic_photons(scene, settings).div_ceil(u64::from(parts)),
-            caustics: (ball(caustic_radius), surface.filter),
+            caustics: (reach(caustic_radius), surface.filter),
             indirect: match render.method {
                 Method::Photon => surface.indirect,
                 Method::Whitted => Indirect::None,
@@ -206,10 +211,13 @@ impl Plan {
             },
             global_photons: global_photons.div_ceil(u64::from(parts)),
             global: GlobalSettings {
-                ball: ball(max_radius),
+                reach: reach(max_radius),
                 filter: surface.filter,
-                // Of light with few events alone, photons have to be counted.
-                precomputed: if max_events.is_limited() { 0 } else { surface.precomputed_irradiance },
+                // Of light with few events alone, photons have to be counted; where the map is shown, they are.
+                precomputed: match surface.indirect {
+                    Indirect::FinalGather if !max_events.is_limited() => surface.precomputed_irradiance,
+                    _ => 0,
+                },
                 max_radius: max_radius as f32,
             },
             gather_rays: surface.gather_rays.unwrap_or(1),

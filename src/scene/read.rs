@@ -395,8 +395,9 @@ fn surface(table: &Table) -> Read<Surface> {
         ("none", Indirect::None),
     ];
     let indirect = table.get_or("indirect", Indirect::FinalGather, |item| item.choice(&ways, &[]));
-    let estimates = [("knn", SurfaceEstimate::Knn), ("fixed", SurfaceEstimate::Fixed)];
-    let estimate = table.get_or("estimate", SurfaceEstimate::Knn, |item| item.choice(&estimates, &["sheets"]));
+    let estimates =
+        [("knn", SurfaceEstimate::Knn), ("fixed", SurfaceEstimate::Fixed), ("sheets", SurfaceEstimate::Sheets)];
+    let estimate = table.get_or("estimate", SurfaceEstimate::Knn, |item| item.choice(&estimates, &[]));
     let radius = table.get("radius", Item::length);
     let accurate_distance = table.get("accurate_distance", Item::length_or_zero);
     let gather_rays = table.get("gather_rays", |item| item.u32(1));

@@ -269,7 +269,7 @@ pub enum Kernel {
 pub struct Surface {
     /// Who tells what diffuse surfaces get that comes neither straight from a light nor as a caustic.
     pub indirect: Indirect,
-    /// How far a look-up reaches.
+    /// How far photons count.
     pub estimate: SurfaceEstimate,
     /// The radius of [`SurfaceEstimate::Fixed`], above 0; `None`: chosen from the scene.
     pub radius: Option<f64>,
@@ -320,7 +320,7 @@ pub enum Records {
     SplitSphere,
 }
 
-/// How far a look-up among photons on surfaces reaches.
+/// How far photons on surfaces count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SurfaceEstimate {
@@ -328,6 +328,8 @@ pub enum SurfaceEstimate {
     Knn,
     /// To the same radius everywhere.
     Fixed,
+    /// Each photon's own radius, wide where photons are sparse.
+    Sheets,
 }
 
 /// How photons on surfaces count from the middle of their disc to its rim.
