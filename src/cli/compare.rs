@@ -21,8 +21,8 @@ pub struct Arguments {
     /// The folder of the report; what it holds of the same comparison is not repeated.
     #[arg(short, long, value_name = "DIR")]
     out: PathBuf,
-    /// The variants to compare: path, light, beam, beam-fixed, point-uniform, point-adaptive, point-exponential, map, final-gather, cache, and own ones as
-    /// name:key=value,key=value. Default: path, beam and the points.
+    /// The variants to compare: path, light, beam, beam-fixed, point-uniform, point-adaptive, point-exponential, map, sheets,
+    /// final-gather, cache, and own ones as name:key=value,key=value. Default: path, beam and the points.
     #[arg(long, value_name = "LIST")]
     estimates: Vec<String>,
     /// Times at which to measure: 1s,2s,4s. Default: doubling from 1s up to --time, from the first that every variant

@@ -9,7 +9,7 @@ use crate::scene::{self, Scene, Settings, StudyVariant, is_plain};
 use crate::{Error, Result};
 
 /// Names of the built-in variants, and what they set.
-pub const BUILT_IN: [(&str, &[(&str, &str)]); 10] = [
+pub const BUILT_IN: [(&str, &[(&str, &str)]); 11] = [
     ("path", &[("render.method", "path")]),
     ("light", &[("render.method", "light")]),
     ("beam", &[("render.method", "photon"), ("volume.estimate", "beam"), ("volume.kernel", "variable")]),
@@ -18,6 +18,7 @@ pub const BUILT_IN: [(&str, &[(&str, &str)]); 10] = [
     ("point-adaptive", &POINT[1]),
     ("point-exponential", &POINT[2]),
     ("map", &[("render.method", "photon"), ("surface.indirect", "map")]),
+    ("sheets", &[("render.method", "photon"), ("surface.indirect", "map"), ("surface.estimate", "sheets")]),
     ("final-gather", &GATHER[0]),
     ("cache", &GATHER[1]),
 ];
