@@ -171,6 +171,8 @@ fn a_render_writes_what_was_asked_for_and_where() {
             "/gather/queries",
             "/gather/tested",
             "/gather/gathered",
+            "/gather/shadow_rays",
+            "/gather/spared_rays",
             "/bytes/peak",
             "/bytes/volume_map",
             "/bytes/surface_maps",

@@ -17,7 +17,7 @@ const SCENES: [(&str, &[&str]); 14] = [
     ("milk", &[]),
     ("marble", &[]),
     ("candle", &[]),
-    ("stage", &["render.max_depth=4"]),
+    ("stage", &["render.max_depth=4", "surface.shadow_photons=true"]),
     ("volume-caustic", &["volume.single_scattering=traced"]),
     ("cornell-fog", &["volume.kernel=fixed"]),
     ("fire", &[]),

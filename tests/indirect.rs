@@ -194,3 +194,20 @@ fn no_light_leaks_through_a_sheet() {
         assert!(leaked[0] <= 1e-6 * lit[0], "{way}: {leaked:?} of {lit:?}");
     }
 }
+
+/// Shadow photons spare most shadow rays, and leave the picture as it is: a thousandth of the light is more than they mistake.
+#[test]
+fn shadow_photons_spare_rays() {
+    let of = |chosen: &str| {
+        let film = "[film]\nwidth = 32\nheight = 32\n";
+        let overrides = ["surface.indirect=none", "render.samples=16", chosen];
+        render(&format!("{film}{ROOM}"), &overrides)
+    };
+    let (without, with) = (of("surface.shadow_photons=false"), of("surface.shadow_photons=true"));
+    let (asked, left) = (without.stats.gather, with.stats.gather);
+    assert_eq!((without.stats.shadow, asked.spared_rays), (0, 0));
+    assert_eq!(left.shadow_rays + left.spared_rays, asked.shadow_rays);
+    assert!(left.spared_rays * 10 > asked.shadow_rays * 6, "{} of {} spared", left.spared_rays, asked.shadow_rays);
+    let [with, without] = [with, without].map(|rendering| rendering.film.image());
+    assert!((with.mean() / without.mean() - 1.0).abs() < 1e-3, "{}, not {}", with.mean(), without.mean());
+}

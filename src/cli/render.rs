@@ -305,6 +305,7 @@ struct Photons {
     volume: u64,
     global: u64,
     caustic: u64,
+    shadow: u64,
     /// Radii of the discs.
     radius: [f32; 3],
 }
@@ -315,6 +316,10 @@ struct Gather {
     tested: u64,
     gathered: u64,
     records: u64,
+    /// Of surfaces.
+    shadow_rays: u64,
+    /// Those that shadow photons made needless.
+    spared_rays: u64,
 }
 
 #[derive(Serialize)]
@@ -353,6 +358,7 @@ impl Report {
                 volume: stats.volume,
                 global: stats.global,
                 caustic: stats.caustic,
+                shadow: stats.shadow,
                 radius: [stats.radii.min, stats.radii.mean, stats.radii.max],
             },
             gather: Gather {
@@ -360,6 +366,8 @@ impl Report {
                 tested: stats.gather.blocks * 16,
                 gathered: stats.gather.photons,
                 records: stats.records,
+                shadow_rays: stats.gather.shadow_rays,
+                spared_rays: stats.gather.spared_rays,
             },
             bytes: Bytes {
                 peak: peak_bytes(),

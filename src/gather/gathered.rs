@@ -31,6 +31,10 @@ pub struct GatherStats {
     pub blocks: u64,
     /// Photons that contributed.
     pub photons: u64,
+    /// Shadow rays that surfaces sent,
+    pub shadow_rays: u64,
+    /// and those that shadow photons spared.
+    pub spared_rays: u64,
 }
 
 impl std::ops::AddAssign for GatherStats {
@@ -39,6 +43,8 @@ impl std::ops::AddAssign for GatherStats {
         self.nodes += other.nodes;
         self.blocks += other.blocks;
         self.photons += other.photons;
+        self.shadow_rays += other.shadow_rays;
+        self.spared_rays += other.spared_rays;
     }
 }
 

@@ -17,6 +17,7 @@ mod stream;
 mod surface;
 #[cfg(test)]
 mod tests;
+mod visibility;
 mod volume;
 
 pub use beam::BeamQuery;
@@ -32,4 +33,5 @@ pub use sampled::{SampledDepths, Samples};
 pub use segment::EyeSegment;
 pub use stream::StreamScratch;
 pub use surface::{Reach, SurfaceMap};
+pub use visibility::{Visibility, VisibilityMap};
 pub use volume::{Queue, VolumeMaps, emitted};

@@ -28,6 +28,8 @@ pub enum Purpose {
     Global = 9,
     /// A record of the irradiance cache, or the look for places that want one.
     Irradiance = 10,
+    /// A shadow photon.
+    Shadow = 11,
 }
 
 /// What a number of a camera sample, a light path or a photon is for: the first draw of each is spread evenly over a pixel's

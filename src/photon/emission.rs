@@ -110,15 +110,21 @@ pub struct Start {
 impl<'s> Sources<'s> {
     /// All sources with a power.
     pub fn new(scene: &'s Scene) -> Self {
-        Self::of(scene, &scene.glows)
+        Self::of(scene, &scene.glows, |_| true)
     }
 
     /// All lights with a power, without what glows.
     pub fn of_lights(scene: &'s Scene) -> Self {
-        Self::of(scene, &[])
+        Self::of(scene, &[], |_| true)
     }
 
-    fn of(scene: &'s Scene, glows: &'s [Glow]) -> Self {
+    /// These lights alone.
+    pub fn of_some_lights(scene: &'s Scene, lights: &[u32]) -> Self {
+        Self::of(scene, &[], |light| lights.contains(&light))
+    }
+
+    /// All lights for which `shines` holds, and what glows.
+    fn of(scene: &'s Scene, glows: &'s [Glow], shines: impl Fn(u32) -> bool) -> Self {
         let mut sources = Vec::new();
         let mut powers = Vec::new();
         for (index, light) in scene.lights.iter().enumerate() {
@@ -130,7 +136,8 @@ impl<'s> Sources<'s> {
                 _ => scene.solids.is_empty().then(Inside::default),
             };
             sources.push(Source::Light(index as u32, inside));
-            powers.push(light.power(&scene.surroundings).element_sum());
+            let power = || light.power(&scene.surroundings).element_sum();
+            powers.push(if shines(index as u32) { power() } else { 0.0 });
         }
         for glow in glows {
             powers.push(glow.power());

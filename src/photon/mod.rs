@@ -2,7 +2,7 @@
 //!
 //! - `emission` draws where they start, `pilot` finds out how, `tracer` is their journey, `pass` all of them together.
 //! - `history` is what a photon remembers of its way; by that, `sinks` stores it or does not.
-//! - `surfaces` are photons on surfaces: of caustics, and all.
+//! - `surfaces` are photons on surfaces: of caustics, and all; `shadows` those that tell where shadows are.
 //! - `store` puts photons in order, in blocks and under a tree; `discs` is the map for beam queries, `balls` that for point
 //!   queries, `sheets` that of photons on surfaces with radii of their own, with what they need of `radius`, [`kernel`], [`walls`] and `uneven` densities.
 //! - `simd` holds registers and sets of instructions.
@@ -17,6 +17,7 @@ pub mod kernel;
 mod pass;
 mod pilot;
 mod radius;
+mod shadows;
 pub(crate) mod sheets;
 pub(crate) mod simd;
 mod sinks;
@@ -34,6 +35,7 @@ pub use history::History;
 pub use instructions::Instructions;
 pub use pass::{Traced, trace};
 pub use radius::{Filling, InMedium, Radii, Radius, narrowing};
+pub use shadows::{ShadowPass, ShadowPhoton, Shadows, Sight, served_lights, trace_shadows};
 pub use store::{PackedNormal, Photon};
 pub use surfaces::{Kind, Landed, SurfacePass, may_land, trace_surfaces};
 pub use tracer::Pass;

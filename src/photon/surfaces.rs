@@ -89,7 +89,7 @@ const MOST_TARGETS: usize = 64;
 const FEWEST: usize = 8;
 
 /// Whether a surface spreads light.
-fn spreads(material: &Material) -> bool {
+pub(super) fn spreads(material: &Material) -> bool {
     match material {
         Material::Opaque(bsdf) => {
             bsdf.nature() == Nature::Diffuse && bsdf.albedo(&Incidence::head_on()).max_element() > 0.0

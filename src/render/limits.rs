@@ -6,7 +6,7 @@ use std::time::Duration;
 use super::exact;
 use super::eye::Component;
 use super::film::{Film, Layers};
-use super::plan::{caustic_photons, global_photons};
+use super::plan::{caustic_photons, global_photons, shadow_photons};
 use super::splat::Splats;
 use crate::medium::density;
 use crate::scene::description::{Estimate, Kernel, Method, Volume};
@@ -104,7 +104,9 @@ impl Limits {
         let Some(memory) = self.memory else { return Ok(parts) };
         let (layers, several) = self.film_of(settings, parts);
         let film = |several| film_bytes(settings, layers, several);
-        let surfaces = (caustic_photons(scene, settings) + global_photons(scene, settings)) * SURFACE_PHOTON_BYTES;
+        let surfaces =
+            caustic_photons(scene, settings) + global_photons(scene, settings) + shadow_photons(scene, settings);
+        let surfaces = surfaces * SURFACE_PHOTON_BYTES;
         let fixed = PROGRAM_BYTES + surfaces + density::bytes(scene.media.iter().map(|medium| &medium.density));
         let each = photon_bytes(scene, &settings.volume);
         let bytes = |parts: u64| fixed + film(several || parts > 1) + photons.div_ceil(parts) * each;

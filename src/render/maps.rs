@@ -5,12 +5,12 @@ use std::time::Instant;
 use super::plan::{Plan, Points};
 use super::progress::Progress;
 use super::stats::Stats;
-use crate::gather::{GlobalMap, PointMaps, SurfaceMap, VolumeMaps};
+use crate::gather::{GlobalMap, PointMaps, SurfaceMap, VisibilityMap, VolumeMaps};
 use crate::medium::Medium;
 use crate::medium::density::Density;
 use crate::photon::{
-    Kind, Landed, MapSettings, Photon, PhotonMap, PointMap, PointSettings, Radii, SurfacePass, narrowing,
-    trace_surfaces, walls,
+    Kind, Landed, MapSettings, Photon, PhotonMap, PointMap, PointSettings, Radii, ShadowPass, ShadowPhoton, Shadows,
+    SurfacePass, narrowing, trace_shadows, trace_surfaces, walls,
 };
 use crate::scene::Scene;
 use crate::scene::description::Indirect;
@@ -24,6 +24,8 @@ pub(super) struct Maps {
     pub caustic: Option<SurfaceMap>,
     /// Of all light on surfaces.
     pub global: Option<GlobalMap>,
+    /// Of shadow photons.
+    pub visibility: Option<VisibilityMap>,
     /// Whether gather rays find light of media, where there is no global map.
     pub from_media_only: bool,
 }
@@ -91,6 +93,7 @@ impl Maps {
         let Landed { photons: caustics, .. } = landed(scene, plan, (Kind::Caustic, pass), (stats, progress), stop);
         let global = landed(scene, plan, (Kind::Global, pass), (stats, progress), stop);
         self.from_media_only = global.from_media_only;
+        let shadows = shadows(scene, plan, pass, (stats, progress), stop);
         let start = Instant::now();
         let mut bytes = 0;
         if !caustics.is_empty() {
@@ -106,6 +109,12 @@ impl Maps {
             stats.tally.broken += map.rejected() as u64;
             bytes += map.bytes();
             self.global = Some(map);
+        }
+        if !shadows.is_empty() {
+            stats.shadow += shadows.len() as u64;
+            let map = VisibilityMap::build(&shadows, scene.lights.len());
+            bytes += map.bytes();
+            self.visibility = Some(map);
         }
         stats.surface_bytes = stats.surface_bytes.max(bytes as u64);
         stats.build_seconds += start.elapsed().as_secs_f64();
@@ -148,6 +157,28 @@ fn landed(
     stats.tally = stats.tally.merge(landed.tally);
     stats.photons_seconds += start.elapsed().as_secs_f64();
     landed
+}
+
+/// Shadow photons: none if `stop` ended them.
+fn shadows(
+    scene: &Scene,
+    plan: &Plan,
+    pass: u32,
+    (stats, progress): (&mut Stats, &impl Progress),
+    stop: &(impl Fn() -> bool + Sync),
+) -> Vec<ShadowPhoton> {
+    let Some(seen) = plan.seen else { return Vec::new() };
+    let start = Instant::now();
+    progress.phase("shadows", 0);
+    let (seed, index, target, emission) = (plan.seed, u64::from(pass), plan.shadow_photons, plan.emission);
+    let order = ShadowPass { seed, index, target, emission, seen };
+    let Shadows { photons, emitted } = trace_shadows(scene, &order, stop);
+    if stop() {
+        return Vec::new();
+    }
+    stats.emitted += emitted;
+    stats.photons_seconds += start.elapsed().as_secs_f64();
+    photons
 }
 
 fn beam_maps(scene: &Scene, plan: &Plan, scale: f32, extinctions: &[f64], regions: Vec<Vec<Photon>>) -> VolumeMaps {

@@ -3,9 +3,10 @@
 use crate::Result;
 use crate::gather::march::{Marcher, Stepping};
 use crate::gather::{Cells, GlobalSettings, Reach, Spacing};
+use crate::math::Bounds;
 use crate::medium::Medium;
 use crate::photon::kernel::Profile;
-use crate::photon::{Ball, Emission, InMedium, Kind, PointSettings, Radius, may_land};
+use crate::photon::{Ball, Emission, InMedium, Kind, PointSettings, Radius, may_land, served_lights};
 use crate::scene::description::{
     self, Estimate, Indirect, Kernel, March, Method, Records, SingleScattering, Step, SurfaceEstimate, SurfaceFilter,
     Volume,
@@ -40,6 +41,10 @@ pub struct Plan {
     pub global_photons: u64,
     /// How the global map is looked up.
     pub global: GlobalSettings,
+    /// Shadow photons wanted in each pass; 0 if there are none.
+    pub shadow_photons: u64,
+    /// A box around most of what they are wanted for.
+    pub seen: Option<Bounds>,
     /// How many gather rays go on from a surface.
     pub gather_rays: u32,
     /// How far such rays must come for the global map to tell what is there; `None`: as far as it blurs light.
@@ -114,7 +119,7 @@ const DENSE_NEIGHBOURS: u32 = 300;
 const THICK: f64 = 100.0;
 /// The share of the largest extent of the photons that adaptive radii may reach at most.
 const MAX_RADIUS_SHARE: f64 = 0.1;
-/// Photons in the caustic map, and in the global one, unless the scene file says otherwise.
+/// Photons in the caustic map, and in the global one, unless the scene file says otherwise; and shadow photons.
 const SURFACE_PHOTONS: u64 = 200_000;
 /// The share of the scene's extent that radii of caustics may reach at most.
 const CAUSTIC_RADIUS_SHARE: f64 = 0.03;
@@ -193,6 +198,7 @@ impl Plan {
 
         // All together.
         let inside = (camera.is_pinhole() || scene.solids.is_empty()).then(|| scene.inside(camera.position));
+        let shadow_photons = shadow_photons(scene, settings).div_ceil(u64::from(parts));
         let mut plan = Plan {
             method: render.method,
             seed: render.seed,
@@ -220,6 +226,8 @@ impl Plan {
                 },
                 max_radius: max_radius as f32,
             },
+            shadow_photons,
+            seen: if shadow_photons > 0 { pilot.seen() } else { None },
             gather_rays: surface.gather_rays.unwrap_or(1),
             accurate_distance: surface.accurate_distance,
             // Light with few events differs from place to place by how many the eye's side had.
@@ -338,6 +346,16 @@ pub fn global_photons(scene: &Scene, settings: &Settings) -> u64 {
     if read && may_land(scene, Kind::Global) { settings.photons.global.unwrap_or(on_surfaces(settings)) } else { 0 }
 }
 
+/// Shadow photons wanted in each pass: none where surfaces ask no light that they can serve.
+pub fn shadow_photons(scene: &Scene, settings: &Settings) -> u64 {
+    let Settings { render, surface, .. } = settings;
+    // The global map holds direct light, too.
+    let asks = render.method == Method::Photon
+        && Events::of_max_depth(render.max_depth).allows(1)
+        && (surface.indirect != Indirect::Map || global_photons(scene, settings) == 0);
+    if surface.shadow_photons && asks && !served_lights(scene).is_empty() { on_surfaces(settings) } else { 0 }
+}
+
 /// Photons in a map on surfaces, unless the scene file says otherwise: who asks for few in media wants a quick picture.
 fn on_surfaces(settings: &Settings) -> u64 {
     settings.photons.volume.map_or(SURFACE_PHOTONS, |volume| volume.min(SURFACE_PHOTONS))
@@ -357,7 +375,7 @@ fn is_dense(scene: &Scene) -> bool {
 
 /// The diagonal of the box around all media that scatter, as far as they end; else of the scene.
 fn extent_of_media(scene: &Scene) -> f64 {
-    let mut bounds = crate::math::Bounds::EMPTY;
+    let mut bounds = Bounds::EMPTY;
     let mut endless = false;
     for (index, medium) in scene.media.iter().enumerate().filter(|(_, medium)| medium.scatters()) {
         let support = medium.density.support();

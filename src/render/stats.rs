@@ -25,6 +25,8 @@ pub struct Stats {
     pub caustic: u64,
     /// Photons stored in global maps.
     pub global: u64,
+    /// Shadow photons that landed.
+    pub shadow: u64,
     /// Records of irradiance caches.
     pub records: u64,
     /// The largest map, in bytes.
@@ -56,6 +58,7 @@ impl Stats {
         self.volume += other.volume;
         self.caustic += other.caustic;
         self.global += other.global;
+        self.shadow += other.shadow;
         self.records += other.records;
         self.map_bytes = self.map_bytes.max(other.map_bytes);
         self.surface_bytes = self.surface_bytes.max(other.surface_bytes);

@@ -92,6 +92,7 @@ impl<P: Progress> Renderer<'_, P> {
             single_scattering: self.plan.single_scattering,
             marchers: traced.as_deref(),
             caustics: maps.and_then(|maps| maps.caustic.as_ref()),
+            visibility: maps.and_then(|maps| maps.visibility.as_ref()),
             indirect: indirect(&self.plan, maps),
             light_samples: self.plan.light_samples,
             whitted: self.plan.method == Method::Whitted,

@@ -406,6 +406,7 @@ fn surface(table: &Table) -> Read<Surface> {
     let spacings = [("hessian", Records::Hessian), ("split_sphere", Records::SplitSphere)];
     let records = table.get_or("records", Records::Hessian, |item| item.choice(&spacings, &[]));
     let cache_error = table.get("cache_error", Item::positive);
+    let shadow_photons = table.get_or("shadow_photons", false, Item::boolean);
     table.finish()?;
     let records = records?;
     Ok(Surface {
@@ -420,6 +421,7 @@ fn surface(table: &Table) -> Read<Surface> {
         gather_rays: gather_rays?,
         precomputed_irradiance: precomputed?,
         irradiance_cache: cache?,
+        shadow_photons: shadow_photons?,
         records,
         cache_error: cache_error?.unwrap_or(match records {
             Records::Hessian => 0.05,

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use super::component::Component;
 use super::{Context, Looking, Path, Seeks, Spread};
-use crate::gather::{GlobalMap, IrradianceCache};
+use crate::gather::{GlobalMap, IrradianceCache, Visibility};
 use crate::light::{Arrival, Light, Receiver};
 use crate::math::random::Dimension;
 use crate::math::{DVec3, Ray, Rgb};
@@ -99,11 +99,35 @@ impl Looking<'_, '_, '_> {
                 let most = self.eye.left_after(luggage.events);
                 transmit_straight(scene, shadow, at.inside, most, &mut weight, stream);
             }
-            _ => at.transmit(scene, (arrival.direction, arrival.distance, arrival.normal), &mut weight, stream),
+            Vertex::Surface(surface) if !self.must_ask(surface, &asked, &mut weight) => {}
+            _ => at.transmit(
+                scene,
+                (arrival.direction, arrival.distance, arrival.normal),
+                &mut weight,
+                self.context.stream,
+            ),
         }
         // It comes straight to here: what was mirrored before on the eye's side makes it no caustic.
         let component = Component::of(luggage.own.first, luggage.events, true, false);
         self.sample.radiance[component as usize] += weight;
+    }
+
+    /// Whether a shadow ray has to find out what of a light is seen: else `weight` is what is.
+    fn must_ask(&mut self, at: &Interaction, asked: &Asked, weight: &mut Rgb) -> bool {
+        let visibility = self.eye.settings.visibility.map_or(Visibility::Unknown, |map| {
+            let normal = at.incidence.normal;
+            let side = if asked.arrival.direction.dot(normal) < 0.0 { -normal } else { normal };
+            map.visibility(asked.emitter.light, at.point, side)
+        });
+        let stats = &mut self.context.queue.stats;
+        match visibility {
+            Visibility::Unknown => stats.shadow_rays += 1,
+            Visibility::Lit | Visibility::Dark => stats.spared_rays += 1,
+        }
+        if visibility == Visibility::Dark {
+            *weight = Rgb::ZERO;
+        }
+        visibility == Visibility::Unknown
     }
 
     /// Light straight from a light, scattered at a collision, the last event of its path: asked for, and met by

@@ -18,7 +18,7 @@ pub use claim::Claim;
 pub use component::{Component, Sample};
 
 use crate::gather::march::Marcher;
-use crate::gather::{GlobalMap, IrradianceCache, PointMaps, Queue, SurfaceMap, VolumeMaps};
+use crate::gather::{GlobalMap, IrradianceCache, PointMaps, Queue, SurfaceMap, VisibilityMap, VolumeMaps};
 use crate::light::Light;
 use crate::math::{DVec3, Ray, Rgb, Stream};
 use crate::scene::description::SingleScattering;
@@ -59,6 +59,8 @@ pub struct EyeSettings<'s> {
     pub marchers: Option<&'s [Marcher]>,
     /// Photons of caustics, which surfaces that spread light look up; `None`: paths find caustics by chance.
     pub caustics: Option<&'s SurfaceMap>,
+    /// Where surfaces are known to be lit by a light, or in its shadow, so that they need not ask.
+    pub visibility: Option<&'s VisibilityMap>,
     /// Who tells what else diffuse surfaces send to one another.
     pub indirect: Indirect<'s>,
     /// How many shadow rays ask for light at the first event, if that is at a surface.
@@ -601,6 +603,7 @@ radiance = 1
                 single_scattering: SingleScattering::Photons,
                 marchers: None,
                 caustics: None,
+                visibility: None,
                 indirect: Indirect::Path,
                 light_samples: 1,
                 whitted: false,

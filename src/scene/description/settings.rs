@@ -294,6 +294,8 @@ pub struct Surface {
     pub filter: SurfaceFilter,
     /// The cap of the caustic map's radii, above 0; `None`: chosen from the scene.
     pub caustic_radius: Option<f64>,
+    /// Whether shadow photons tell where no shadow ray is needed.
+    pub shadow_photons: bool,
 }
 
 /// Who tells what diffuse surfaces get that comes neither straight from a light nor as a caustic.
