@@ -4,7 +4,8 @@
 //! - `history` is what a photon remembers of its way; by that, `sinks` stores it or does not.
 //! - `surfaces` are photons on surfaces: of caustics, and all; `shadows` those that tell where shadows are.
 //! - `store` puts photons in order, in blocks and under a tree; `discs` is the map for beam queries, `balls` that for point
-//!   queries, `sheets` that of photons on surfaces with radii of their own, with what they need of `radius`, [`kernel`], [`walls`] and `uneven` densities.
+//!   queries, `sheets` that of photons on surfaces with radii of their own, with what they need of `radius`, [`kernel`],
+//!   [`walls`] and `uneven` densities.
 //! - `simd` holds registers and sets of instructions.
 
 mod balls;

@@ -8,9 +8,10 @@
 //! ```
 //!
 //! with T what passes on the way, h the pixel's filter at the place x of the film where p is seen, s the edge of a
-//! pixel on a film at distance 1, and θ′ the angle to the axis (Veach 1997, §4.7 and §10.3). It is
-//! unbiased, and finds caustics as photons do. Of a camera with parallel rays, W = h(x) / (s² cos θ′). It does not find what is seen through smooth glass or in mirrors, which send
-//! nothing towards a given point. Emitters and the sky, seen directly, are left to camera rays.
+//! pixel on a film at distance 1, and θ′ the angle to the axis (Veach 1997, §4.7 and §10.3). Of a camera with parallel
+//! rays, W = h(x) / (s² cos θ′). It is unbiased, and finds caustics as photons do. It does not find what is seen through
+//! smooth glass or in mirrors, which send nothing towards a given point. Emitters and the sky, seen directly, are left to
+//! camera rays.
 //!
 //! Collisions are rare in thin media, and near the camera each counts for 1/d². So all that passes through such a medium is also
 //! connected from the middle of its flights, at a place drawn in proportion to the angle that the lens sees
