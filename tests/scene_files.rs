@@ -428,6 +428,11 @@ const MISTAKES: &[(&str, &str, &str)] = &[
     ("[photons]\nemission = ‸\"sobol\"\n", "photons.emission", "expected one of \"qmc\", \"random\""),
     ("[photons]\nprojection = ‸1\n", "photons.projection", "found 1; expected true or false"),
     ("[surface]\naccurate_distance = ‸-1\n", "surface.accurate_distance", "found -1; expected 0, or a number above 0"),
+    (
+        "[surface]\nestimate = \"sheets\"\ndifferential_checking = ‸true\n",
+        "surface.differential_checking",
+        "sheets have radii of their own",
+    ),
     ("[volume]\nmarch = { step = ‸\"rnd\" }\n", "volume.march.step", "found \"rnd\"; expected one of"),
     (
         "[[shapes]]\ntype = \"sphere\"\ncenter = [0, 0, 0]\nradius = 1\nmaterial = \"none\"\ncasts_caustics = ‸\"no\"\n",

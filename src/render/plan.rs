@@ -185,10 +185,11 @@ impl Plan {
         let diagonal = scene.bounds().diagonal();
         let reach = |max_radius: f64| {
             let (neighbours, max_radius) = (surface.neighbours, max_radius as f32);
+            let checks = surface.differential_checking;
             let fixed = || surface.radius.unwrap_or(FIXED_RADIUS_SHARE * diagonal) as f32;
             match surface.estimate {
-                SurfaceEstimate::Knn => Reach::Ball(Ball::Nearest { neighbours, max_radius }),
-                SurfaceEstimate::Fixed => Reach::Ball(Ball::Fixed(fixed())),
+                SurfaceEstimate::Knn => Reach::Ball { ball: Ball::Nearest { neighbours, max_radius }, checks },
+                SurfaceEstimate::Fixed => Reach::Ball { ball: Ball::Fixed(fixed()), checks },
                 SurfaceEstimate::Sheets => Reach::Sheets { neighbours, max_radius },
             }
         };

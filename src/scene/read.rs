@@ -407,6 +407,13 @@ fn surface(table: &Table) -> Read<Surface> {
     let records = table.get_or("records", Records::Hessian, |item| item.choice(&spacings, &[]));
     let cache_error = table.get("cache_error", Item::positive);
     let shadow_photons = table.get_or("shadow_photons", false, Item::boolean);
+    let checks = |item: &Item| match item.boolean()? {
+        true if matches!(estimate, Ok(SurfaceEstimate::Sheets)) => {
+            Err(item.fail("sheets have radii of their own; it needs an estimate by \"knn\" or \"fixed\""))
+        }
+        checks => Ok(checks),
+    };
+    let differential_checking = table.get_or("differential_checking", false, checks);
     table.finish()?;
     let records = records?;
     Ok(Surface {
@@ -422,6 +429,7 @@ fn surface(table: &Table) -> Read<Surface> {
         precomputed_irradiance: precomputed?,
         irradiance_cache: cache?,
         shadow_photons: shadow_photons?,
+        differential_checking: differential_checking?,
         records,
         cache_error: cache_error?.unwrap_or(match records {
             Records::Hessian => 0.05,

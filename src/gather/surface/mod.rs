@@ -22,7 +22,7 @@ use crate::transport::{Events, Interaction, Vertex};
 /// Photons that landed on surfaces.
 ///
 /// The radiance estimate (Jensen 2001, Eq. 7.8): L(x, ω) = Σ f(x, ω_p → ω) Φ_p k(d_p/r)/(s π r²) over photons within r of x, where r is the
-/// distance of the n-th nearest, or the cap, or fixed; or each photon has an r and s of its own. Balls are flattened: photons count that lie
+/// distance of the n-th nearest, or the cap, or fixed, or as far as light is even; or each photon has an r and s of its own. Balls are flattened: photons count that lie
 /// near the tangent plane, on surfaces that face the same way, so that light of one wall does not colour another at an edge, nor shine through
 /// a thin wall. s is the share of the disc on which such photons can land, without what lies past an edge or behind a wall.
 #[derive(Debug)]
@@ -41,7 +41,12 @@ enum Photons {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Reach {
     /// Those within a ball around the place looked up.
-    Ball(Ball),
+    Ball {
+        /// How wide it is.
+        ball: Ball,
+        /// Whether it is narrowed where light has an edge in it.
+        checks: bool,
+    },
     /// Each as far as those around it are sparse.
     Sheets {
         /// About so many overlap.
@@ -87,7 +92,7 @@ impl SurfaceMap {
         scale: f32,
     ) -> Self {
         let photons = match reach {
-            Reach::Ball(ball) => Photons::Balls(Balls::build(scene, (kind, photons), ball, scale)),
+            Reach::Ball { ball, checks } => Photons::Balls(Balls::build(scene, (kind, photons), (ball, checks), scale)),
             Reach::Sheets { neighbours, max_radius } => {
                 let pilot = (neighbours / PILOT).max(5).min(neighbours);
                 let settings = SheetSettings { neighbours, pilot, max_radius, scale };

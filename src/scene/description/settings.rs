@@ -296,6 +296,8 @@ pub struct Surface {
     pub caustic_radius: Option<f64>,
     /// Whether shadow photons tell where no shadow ray is needed.
     pub shadow_photons: bool,
+    /// Whether photons count only as far as light is even (Jensen 2001, §7.4.3).
+    pub differential_checking: bool,
 }
 
 /// Who tells what diffuse surfaces get that comes neither straight from a light nor as a caustic.
