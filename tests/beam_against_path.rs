@@ -31,7 +31,8 @@ impl Case {
         let path = images(16, &text, &["render.method=path", "render.samples=100"]);
         let photons = |count: u32, seeds: u32| {
             let (count, samples) = (format!("photons.volume={count}"), format!("render.samples={}", self.samples));
-            images(seeds, &text, &["render.method=photon", &samples, &count])
+            // Those on surfaces bring little of the noise.
+            images(seeds, &text, &["render.method=photon", &samples, &count, "photons.global=20_000"])
         };
         let few = photons(self.photons, 8);
         let many = photons(16 * self.photons, self.seeds);

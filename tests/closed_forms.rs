@@ -143,7 +143,7 @@ fn a_closed_furnace() {
         let mut text = along_z(0.8, 70.0, method, 1 << 10);
         write!(
             text,
-            "[photons]\nvolume = 300_000\n[media.fog]\nsigma_s = 0.8\n[materials.wall]\ntype = \"lambert\"\nreflectance = 0.6\n\
+            "[photons]\nvolume = 300_000\nglobal = 20_000\n[media.fog]\nsigma_s = 0.8\n[materials.wall]\ntype = \"lambert\"\nreflectance = 0.6\n\
              [[shapes]]\ntype = \"box\"\nmin = [-1, -1, -1]\nmax = [1, 1, 1]\nmaterial = \"wall\"\n\
              interior = \"fog\"\nemission = {{ radiance = 0.4, side = \"in\" }}\n"
         )

@@ -155,7 +155,13 @@ fn a_room_full_of_fog() {
     let photon = images(
         SEEDS + SEEDS / 4,
         &text,
-        &["render.method=photon", "render.samples=4", "photons.volume=100000", "film.layers=false"],
+        &[
+            "render.method=photon",
+            "render.samples=4",
+            "photons.volume=100000",
+            "photons.global=20000",
+            "film.layers=false",
+        ],
     );
     compare(&mut checks, "photon", &photon, &reference, &BLURRED, everywhere);
     checks.finish();

@@ -89,10 +89,10 @@ fn fog_with_a_lamp() {
     checks.agree("in a mirror", &traced, &path, 0.006, 0.004);
     // All light; most of the noise is that of walls. Photons of the second collision on are blurred, but count for less.
     let path = by_path(0.928_810, 1.4e-3);
-    let photons = "photons.volume=100_000";
-    let traced = of(ROOM, 12, 36, &[PHOTON, TRACED, photons]);
+    let photons = ["photons.volume=100_000", "photons.global=20_000"];
+    let traced = of(ROOM, 12, 36, &[&[PHOTON, TRACED], &photons[..]].concat());
     checks.agree("all light, traced", &traced, &path, 0.01, 0.003);
-    let gathered = of(ROOM, 20, 36, &[PHOTON, photons]);
+    let gathered = of(ROOM, 20, 36, &[&[PHOTON], &photons[..]].concat());
     checks.agree("all light, photons", &gathered, &path, 0.01, 0.01);
     checks.finish();
 }
