@@ -160,14 +160,14 @@ fn even_share(rings: &Rings) -> f32 {
         |rings: &[[f64; 2]]| rings.iter().fold([0.0; 2], |[power, square], ring| [power + ring[0], square + ring[1]]);
     let [power, square] = sum(rings);
     let (mut within, mut best) = (sum(&rings[..KEPT]), (SURE * SURE, RINGS));
-    for ring in KEPT..RINGS {
+    for (ring, [power_here, square_here]) in rings.iter().enumerate().skip(KEPT) {
         let (area, rest) = (ring as f64, (RINGS - ring) as f64);
         let difference = within[0] / area - (power - within[0]) / rest;
         let variance = within[1] / area.powi(2) + (square - within[1]) / rest.powi(2);
         if difference.powi(2) > best.0 * variance {
             best = (difference.powi(2) / variance, ring);
         }
-        within = [within[0] + rings[ring][0], within[1] + rings[ring][1]];
+        within = [within[0] + power_here, within[1] + square_here];
     }
     best.1 as f32 / RINGS as f32
 }
