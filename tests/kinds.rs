@@ -226,7 +226,7 @@ fn a_grid_of_one_number_is_a_homogeneous_medium() {
     let [traced, approximate] = ["traced", "approximate"].map(|mode| format!("volume.single_scattering={mode}"));
     // With whether the homogeneous medium is rendered anew: marched otherwise, its light is that of the row before.
     let rows: [(&str, bool, &[&str]); 11] = [
-        ("path", true, &["render.method=path", "render.samples=50"]),
+        ("path", true, &["render.method=path", "render.samples=200"]),
         ("beam, fixed", true, &[beam, &fixed]),
         ("beam, variable", true, &[beam, &variable]),
         ("point, uniform", true, &[&fixed, &uniform, size]),
@@ -241,7 +241,7 @@ fn a_grid_of_one_number_is_a_homogeneous_medium() {
     let mut plain = None;
     for (name, anew, set) in rows {
         let set = [&["render.samples=8", "photons.volume=30_000"], set].concat();
-        let found = |density: &str| grey(&images(5, &block(density), &set));
+        let found = |density: &str| grey(&images(4, &block(density), &set));
         let plain = plain.insert(plain.filter(|_| !anew).unwrap_or_else(|| found("")));
         checks.agree(name, &found(grid), plain, 0.01, 0.0);
     }

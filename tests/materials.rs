@@ -176,7 +176,7 @@ fn all_methods_agree_behind_masks() {
     let grey = |images: &[Image]| Estimate::over(images, |image| [image.mean(); 3]);
     // Path tracing found this once (48 seeds of 250 samples).
     let path = Estimate { mean: [0.216_347; 3], standard_error: [5.1e-4; 3] };
-    let photon = images(12, VEILS, &["render.method=photon", "render.samples=100", "photons.volume=60_000"]);
+    let photon = images(8, VEILS, &["render.method=photon", "render.samples=100", "photons.volume=60_000"]);
     let light = images(16, VEILS, &["render.method=light", "render.samples=120"]);
     checks.agree("veils", &grey(&photon), &path, 0.008, 0.004);
     checks.agree("veils, by light", &grey(&light), &path, 0.008, 0.0);

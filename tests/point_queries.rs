@@ -80,7 +80,7 @@ fn marchers_agree_with_path_tracing() {
                 "volume.march.size=0.1".to_string(),
             ];
             let set: Vec<&str> = set.iter().map(String::as_str).collect();
-            let found = grey(&images(4, &block(""), &set));
+            let found = grey(&images(3, &block(""), &set));
             checks.agree(&format!("{step}, {kernel}, {profile}"), &found, &path, 0.0045, BIAS);
         }
     }
