@@ -2,7 +2,7 @@
 
 use super::surface::{Place, Reach, SurfaceMap, are_one};
 use crate::math::{Rgb, Stream, Vec3};
-use crate::photon::{Ball, Kind, Load, Photon, PointMap, PointMemory, PointSettings};
+use crate::photon::{Ball, Kind, Load, Photon, PointMap, PointMemory};
 use crate::scene::Scene;
 use crate::scene::description::SurfaceFilter;
 use crate::transport::{Events, Interaction};
@@ -54,9 +54,7 @@ impl GlobalMap {
         let photons = SurfaceMap::build(scene, (Kind::Global, photons), reach, filter, scale);
         let irradiances = (!places.is_empty()).then(|| {
             let nearest = Ball::Nearest { neighbours: CANDIDATES, max_radius };
-            let settings =
-                PointSettings { tagged: true, normals: true, boundaries: false, ..PointSettings::new(nearest) };
-            PointMap::build(photons.irradiances(scene, &places, precomputed), &settings, &|_, _| 0.0)
+            PointMap::on_surfaces(photons.irradiances(scene, &places, precomputed), nearest, 1.0)
         });
         GlobalMap { blur: photons.mean_radius(), photons, irradiances }
     }

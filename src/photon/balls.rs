@@ -186,6 +186,14 @@ impl PointMemory {
 }
 
 impl PointMap {
+    /// A map of photons on surfaces, all radii `scale` times as wide: with their events and normals, and not corrected at walls, which
+    /// cut discs, not balls.
+    pub(crate) fn on_surfaces(photons: Vec<Photon>, ball: Ball, scale: f32) -> PointMap {
+        let settings =
+            PointSettings { scale, tagged: true, normals: true, boundaries: false, ..PointSettings::new(ball) };
+        PointMap::build(photons, &settings, &|_, _| 0.0)
+    }
+
     /// A photon is spread over a ball.
     pub const DIMENSION: u32 = 3;
 

@@ -9,7 +9,7 @@ use std::f32::consts::PI;
 
 use rayon::prelude::*;
 
-use super::balls::{Ball, Near, PointMap, PointMemory, PointSettings};
+use super::balls::{Ball, Near, PointMap, PointMemory};
 use super::radius::{Filling, Radii, radius_limits};
 use super::simd::{LANES, Lanes, Row, Task, dot_plus, splat3};
 use super::store::{Descent, Photon, blocks_of, photons_in};
@@ -55,8 +55,7 @@ impl SheetMap {
         let SheetSettings { pilot, max_radius, .. } = *settings;
         // With the photon itself.
         let ball = Ball::Nearest { neighbours: pilot + 1, max_radius };
-        let of = PointSettings { tagged: true, normals: true, boundaries: false, ..PointSettings::new(ball) };
-        let mut photons = PointMap::build(photons, &of, &|_, _| 0.0);
+        let mut photons = PointMap::on_surfaces(photons, ball, 1.0);
         let squares = squares_of(&photons, settings);
         let radii: Vec<f32> = squares.iter().flat_map(|row| row.0.map(f32::sqrt)).collect();
         photons.cover(&radii);

@@ -8,7 +8,7 @@ use super::cut::{Cutting, Disc, Place, cutting};
 use crate::math::{DVec3, Rgb, Stream};
 use crate::photon::sheets::{FACING, FLATTENED};
 use crate::photon::simd::LANES;
-use crate::photon::{Ball, Kind, Photon, PointMap, PointMemory, PointSettings};
+use crate::photon::{Ball, Kind, Photon, PointMap, PointMemory};
 use crate::scene::Scene;
 use crate::scene::description::SurfaceFilter;
 use crate::transport::Events;
@@ -33,9 +33,7 @@ impl Balls {
         (ball, checks): (Ball, bool),
         scale: f32,
     ) -> Self {
-        let settings =
-            PointSettings { scale, tagged: true, normals: true, boundaries: false, ..PointSettings::new(ball) };
-        let map = PointMap::build(photons, &settings, &|_, _| 0.0);
+        let map = PointMap::on_surfaces(photons, ball, scale);
         let mut balls = Balls { map, checks, kind, cut: Vec::new() };
         balls.cut = (0..balls.map.events.len()).into_par_iter().map(|block| balls.may_cut(scene, block)).collect();
         balls
