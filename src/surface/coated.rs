@@ -2,7 +2,7 @@ use super::coat::{Coat, Crossed, flipped, met};
 use super::ggx::Ggx;
 use super::glaze::Glaze;
 use super::lambert::cosine_density;
-use super::{Drawn, Incidence, Nature, Reflector, Scattering};
+use super::{Drawn, Incidence, Lobe, Mirror, Nature, Reflector, Scattering};
 use crate::math::{DVec3, Rgb, Stream};
 
 /// A coat over a base that reflects: a dielectric one, smooth or rough, as of varnish, glazed clay, what is called plastic; or the upper
@@ -108,12 +108,13 @@ impl Coated {
         &self,
         at: &Incidence,
         o: DVec3,
+        both: bool,
         mut weight: Rgb,
         stream: &mut Stream,
         mut part: impl FnMut(Rgb, Scattering),
     ) {
         if let Some(glaze) = self.glaze() {
-            return part(weight, glaze.value(at, o));
+            return part(weight, glaze.value(at, o, both));
         }
         let frame = at.frame();
         let (arriving, leaving) = (frame.to_local(at.direction), frame.to_local(o));
@@ -192,10 +193,21 @@ impl Coated {
         stream.uniform() < chance
     }
 
-    /// Where light goes on from coat or base.
-    pub(super) fn sample(&self, at: &Incidence, stream: &mut Stream) -> Option<Drawn> {
+    /// What the coat alone mirrors in a single direction, where the base spreads all that it gets.
+    pub(super) fn mirrored(&self, at: &Incidence) -> Option<Drawn> {
+        match self.coat {
+            Coat::Dielectric(varnish) if varnish.roughness == 0.0 && !self.base.is_partly_specular() => {
+                let reflectance = self.coat.reflected(-at.direction.dot(at.shading_normal));
+                Some(Mirror { reflectance }.sample(at))
+            }
+            _ => None,
+        }
+    }
+
+    /// Where light goes on from coat or base; where it is [`mirrored`](Self::mirrored), from one of them as `lobe` says.
+    pub(super) fn sample(&self, at: &Incidence, lobe: Option<Lobe>, stream: &mut Stream) -> Option<Drawn> {
         if let Some(glaze) = self.glaze() {
-            return Some(glaze.sample(at, stream));
+            return Some(glaze.sample(at, lobe, stream));
         }
         let frame = at.frame();
         let arriving = frame.to_local(at.direction);
@@ -206,8 +218,13 @@ impl Coated {
         };
 
         // At the coat.
-        let Crossed { mut travel, through, density } =
-            self.coat.cross(Some(self.passing(at)), arriving, &mut factor, stream, None, |_, _| {})?;
+        let Crossed { mut travel, through, density } = match lobe {
+            None => self.coat.cross(Some(self.passing(at)), arriving, &mut factor, stream, None, |_, _| {})?,
+            Some(Lobe::Reflected) => return self.mirrored(at),
+            Some(Lobe::Refracted) => {
+                Crossed { travel: self.coat.enter(arriving, &mut factor, stream)?, through: true, density: 0.0 }
+            }
+        };
         if !through {
             return leaves(travel, factor, density);
         }

@@ -1,7 +1,7 @@
 use super::coat::Varnish;
 use super::fresnel::fresnel;
 use super::lambert::{cosine, cosine_density};
-use super::{Drawn, Incidence, Mirror, Scattering};
+use super::{Drawn, Incidence, Lobe, Mirror, Scattering};
 use crate::math::{DVec3, Rgb, Stream};
 
 /// A smooth dielectric coat over a Lambertian base, in closed form. Of light that is in the coat, the base returns ρ, diffuse
@@ -51,19 +51,27 @@ impl Glaze {
         Rgb::splat(reflected) + diffuse
     }
 
-    /// f cos θ. Diffuse light is drawn by the cosine.
-    pub(super) fn value(&self, at: &Incidence, o: DVec3) -> Scattering {
+    /// f cos θ. Diffuse light is drawn by the cosine, and always where `both` parts are followed.
+    pub(super) fn value(&self, at: &Incidence, o: DVec3, both: bool) -> Scattering {
         let parts = self.parts(at);
         let cosine = cosine_density(at.shading_normal, o);
         let value = self.returned() * ((1.0 - parts.0) * self.passed(at, o) * cosine);
-        Scattering { value, ahead: Rgb::splat(Self::chance(parts) * cosine) }
+        let chance = if both { 1.0 } else { Self::chance(parts) };
+        Scattering { value, ahead: Rgb::splat(chance * cosine) }
     }
 
-    /// The mirror direction or one about the normal, each as often as it sends light.
-    pub(super) fn sample(&self, at: &Incidence, stream: &mut Stream) -> Drawn {
+    /// The mirror direction or one about the normal, each as often as it sends light, or as `lobe` says.
+    pub(super) fn sample(&self, at: &Incidence, lobe: Option<Lobe>, stream: &mut Stream) -> Drawn {
         let parts = self.parts(at);
-        let (reflected, chance) = (parts.0, Self::chance(parts));
-        if stream.uniform() >= chance {
+        let reflected = parts.0;
+        let (mirrors, chance) = match lobe {
+            None => {
+                let chance = Self::chance(parts);
+                (stream.uniform() >= chance, chance)
+            }
+            Some(lobe) => (lobe == Lobe::Reflected, if lobe == Lobe::Reflected { 0.0 } else { 1.0 }),
+        };
+        if mirrors {
             let reflectance = Rgb::splat(reflected / (1.0 - chance));
             return Mirror { reflectance }.sample(at);
         }

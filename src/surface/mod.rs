@@ -214,7 +214,7 @@ impl Bsdf {
         };
         match self {
             Bsdf::Reflector(reflector) => reflector.toward(at, o, weight, stream, reflects),
-            Bsdf::Coated(coated) => coated.toward(at, o, weight, stream, reflects),
+            Bsdf::Coated(coated) => coated.toward(at, o, both, weight, stream, reflects),
             Bsdf::Mix(mix) => mix.toward(at, o, weight, stream, reflects),
             Bsdf::Smooth(_) | Bsdf::Rough(_) | Bsdf::Thin(_) => {}
         }
@@ -235,7 +235,7 @@ impl Bsdf {
     ) -> Option<Onward> {
         let drawn = match self {
             Bsdf::Reflector(reflector) => reflector.sample(at, stream),
-            Bsdf::Coated(coated) => coated.sample(at, stream),
+            Bsdf::Coated(coated) => coated.sample(at, lobe, stream),
             Bsdf::Mix(mix) => mix.sample(at, stream),
             Bsdf::Thin(thin) => return thin.onward(at, side, weight, stream),
             Bsdf::Smooth(smooth) => return smooth.onward(at, side, lobe, weight, stream),
@@ -248,6 +248,15 @@ impl Bsdf {
         }
         let factor = factor * at.adjoint(side, normal, direction);
         survives(weight, factor, stream).then_some(Onward { direction, density })
+    }
+
+    /// Where the one specular part of what also spreads light sends an eye path, and the factor that it leaves of its weight: all
+    /// that [`onward`](Self::onward) draws with density 0, on average. `None` where there is no such part, or more of them.
+    #[inline]
+    pub fn mirrored(&self, at: &Incidence) -> Option<(DVec3, Rgb)> {
+        let Bsdf::Coated(coated) = self else { return None };
+        let Drawn { direction, factor, .. } = coated.mirrored(at)?;
+        (direction.dot(at.normal) > 0.0).then_some((direction, factor))
     }
 
     /// Whether a part of the light goes on in single directions, where it cannot be asked for.

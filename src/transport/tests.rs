@@ -579,3 +579,66 @@ fn specular_kinds_have_no_density() {
         }
     }
 }
+
+/// What a coat mirrors and what comes from its base, each followed for certain, are together what is drawn by chance: above and below
+/// a plane, and as a mirror. Where both are followed, so are the densities.
+#[test]
+fn coats_and_their_bases_may_be_followed_apart() {
+    const N: usize = 40_000;
+    let always = |weight: &mut Rgb, factor: Rgb, _: &mut Stream| {
+        *weight *= factor;
+        true
+    };
+    let mut found = 0;
+    for (index, kind) in materials().iter().enumerate() {
+        for sin in SINES {
+            let at = interaction(kind.bsdf, incidence(sin, 0.0));
+            let Some((mirrored, factor)) = at.bsdf.mirrored(&at.incidence) else { continue };
+            found += 1;
+            let vertex = Vertex::Surface(&at);
+            let mut stream = random(4000 + index);
+            // The mean weight of what is mirrored, of what goes steeply and of what goes flatly from the base, with variances.
+            let mut sent = |lobe: Option<Lobe>| {
+                let (mut sums, mut squares) = ([0.0; 3], [0.0; 3]);
+                for _ in 0..N {
+                    let mut weight = Rgb::ONE;
+                    let Some(onward) = vertex.onward(Side::Eye, lobe, &mut weight, &mut stream, always) else {
+                        continue;
+                    };
+                    let bin = match onward.density {
+                        0.0 => 0,
+                        _ if onward.direction.z > 0.6 => 1,
+                        _ => 2,
+                    };
+                    assert!(bin > 0 || onward.direction.distance(mirrored) < 1e-12, "{}: {onward:?}", kind.name);
+                    sums[bin] += weight.y / N as f64;
+                    squares[bin] += weight.y * weight.y / N as f64;
+                }
+                [0, 1, 2].map(|bin| (sums[bin], (squares[bin] - sums[bin] * sums[bin]) / N as f64))
+            };
+            let drawn = sent(None);
+            let coat = sent(Some(Lobe::Reflected));
+            let base = sent(Some(Lobe::Refracted));
+            assert!((coat[0].0 - factor.y).abs() < 1e-9 && coat[1].0 + coat[2].0 == 0.0, "{}: {coat:?}", kind.name);
+            assert_eq!(base[0].0, 0.0, "{}", kind.name);
+            for (bin, drawn) in drawn.iter().enumerate() {
+                let apart = coat[bin].0 + base[bin].0;
+                let error = (drawn.1 + base[bin].1).sqrt();
+                assert!((drawn.0 - apart).abs() < 4.5 * error + 1e-9, "{}, {sin}: {drawn:?}, {apart}", kind.name);
+            }
+
+            // The density of what a draw from the base finds, as one who asks there is told.
+            let mut weight = Rgb::ONE;
+            let onward = vertex.onward(Side::Eye, Some(Lobe::Refracted), &mut weight, &mut stream, always);
+            let Some(onward) = onward.filter(|onward| onward.density > 0.0) else { continue };
+            let mut told = None;
+            vertex.toward(onward.direction, Side::Eye, true, Rgb::ONE, &mut stream, |_, sent| {
+                told.get_or_insert(sent.ahead.y);
+            });
+            if let Some(told) = told {
+                assert!((told / onward.density - 1.0).abs() < 1e-9, "{}: {told}, {}", kind.name, onward.density);
+            }
+        }
+    }
+    assert!(found >= 6, "{found} coats that mirror");
+}

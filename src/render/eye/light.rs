@@ -222,7 +222,31 @@ impl Looking<'_, '_, '_> {
     /// Whether the light of a light that a path meets does not count: photons bring it, or it is of a caustic that is left out.
     fn is_idle(&self, luggage: &Luggage<Path>) -> bool {
         let brought = self.eye.settings.caustics.is_some() || luggage.own.uncast;
-        luggage.own.seeks == Seeks::Scattered || brought && luggage.own.meets_caustic()
+        let found = luggage.own.glimpsed || luggage.own.seeks == Seeks::Scattered;
+        found || brought && luggage.own.meets_caustic()
+    }
+
+    /// Looks along the way that a coat mirrors for what shines there. A path that may also go on by the base draws that way
+    /// rarely, and a lamp in the coat would make it count many times over. Returns whether that is known now, so that it does not
+    /// count for the path that goes on there.
+    pub(super) fn glimpse(&mut self, at: &Interaction, walk: &Walk<'_>, luggage: &Luggage<Path>) -> bool {
+        if !self.eye.lights_have_size {
+            return false;
+        }
+        let Some((direction, factor)) = at.bsdf.mirrored(&at.incidence) else { return false };
+        let uncast = luggage.own.uncast || !at.caustics.casts;
+        let own = Path { bent: true, uncast, glimpsed: false, turn: Turn::Specular, ..luggage.own.clone() };
+        let mut mirrored = luggage.part(luggage.weight * factor, own);
+        if self.is_idle(&mirrored) {
+            return false;
+        }
+        let mut walk = walk.clone();
+        walk.leave(at, direction);
+        let mut arriving = Arriving { looking: self, luggage: &mut mirrored };
+        if let Stop::Escaped = walk.advance(&mut arriving) {
+            self.escape(direction, &mirrored);
+        }
+        true
     }
 
     /// Light that a path meets by chance on a shape that shines.

@@ -119,6 +119,8 @@ pub struct Path {
     uncast: bool,
     /// What it has yet to find.
     seeks: Seeks,
+    /// Whether what shines at the end of the way that it takes is known already: see [`Looking::glimpse`].
+    glimpsed: bool,
     /// Whether it splits in media.
     splits: bool,
     /// Where it turned last.
@@ -138,6 +140,7 @@ impl Path {
             spread: Spread::Other,
             bent: false,
             seeks: Seeks::All,
+            glimpsed: false,
             turn: Turn::Specular,
             drawn: None,
             landing: None,
@@ -228,6 +231,7 @@ impl<'s> Eye<'s> {
             bent: false,
             uncast: false,
             seeks: Seeks::All,
+            glimpsed: false,
             splits,
             turn: Turn::Specular,
             drawn: None,
@@ -261,6 +265,7 @@ impl<'s> Eye<'s> {
             bent: false,
             uncast: !at.caustics.receives,
             seeks: Seeks::Scattered,
+            glimpsed: false,
             splits: false,
             turn: Turn::Surface { receiver: vertex.receiver(), density, glows: true },
             drawn: None,
@@ -383,23 +388,31 @@ impl<'s> Looking<'_, '_, 's> {
         let diffuse = nature == Nature::Diffuse;
         luggage.own.first.get_or_insert(if diffuse { First::Diffuse } else { First::Specular });
         let gathers = diffuse && luggage.own.diffuse;
-        luggage.own.diffuse |= diffuse;
         if albedo.max_element() <= 0.0 {
             return None;
         }
 
+        // What its coat mirrors: all of it, apart from what the base sends, or what shines in it.
+        let coat = self.splits_coat(luggage, at);
+        if let Some(base) = coat {
+            self.send_apart(at, walk, luggage, parts, Some(base.other()));
+        } else {
+            luggage.own.glimpsed = self.glimpse(at, walk, luggage);
+        }
+        luggage.own.diffuse |= diffuse;
+
         // Where all is known of the light that it spreads, on by specular events alone.
         if nature != Nature::Specular && luggage.own.seeks == Seeks::Emitted {
-            return self.send_bent(at, luggage);
+            return self.send_bent(at, luggage, coat);
         }
         match self.eye.settings.indirect {
             Indirect::Map(global) if diffuse => {
                 self.read_global(global, at, luggage, false);
-                return self.send_bent(at, luggage);
+                return self.send_bent(at, luggage, coat);
             }
             Indirect::Gather { global: Some(global), near, .. } if gathers && !luggage.own.is_close(at, near) => {
                 self.read_global(global, at, luggage, true);
-                return self.send_bent(at, luggage);
+                return self.send_bent(at, luggage, coat);
             }
             _ => {}
         }
@@ -407,18 +420,21 @@ impl<'s> Looking<'_, '_, 's> {
         // Light asked for.
         let lesser = self.splits(luggage, at);
         if nature != Nature::Specular {
-            self.ask(vertex, luggage, lesser.is_some(), None);
+            self.ask(vertex, luggage, lesser.or(coat).is_some(), None);
         }
         if diffuse {
             self.read_caustics(at, luggage);
             match self.eye.settings.indirect {
-                Indirect::Nobody => return self.send_for_emission(at, luggage),
+                Indirect::Nobody => return self.send_for_emission(at, luggage, coat),
                 Indirect::Gather { rays, cache, .. } => {
                     if cache.is_some_and(|cache| self.read_cache(cache, at, luggage)) {
-                        return self.send_for_emission(at, luggage);
+                        return self.send_for_emission(at, luggage, coat);
                     }
                     if !gathers && rays > 1 {
-                        self.send_more(at, walk, luggage, parts, rays);
+                        luggage.weight /= f64::from(rays);
+                        for _ in 1..rays {
+                            self.send_apart(at, walk, luggage, parts, coat);
+                        }
                     }
                 }
                 Indirect::Path | Indirect::Map(_) => {}
@@ -426,14 +442,10 @@ impl<'s> Looking<'_, '_, 's> {
         }
 
         // On, both ways where that matters: the lesser part waits.
-        let Some(lesser) = lesser else { return self.send(at, luggage, None) };
-        let mut other = luggage.part(luggage.weight, luggage.own.clone());
+        let Some(lesser) = lesser else { return self.send(at, luggage, coat) };
+        let other = luggage.clone();
         let heading = self.send(at, luggage, Some(lesser.other()));
-        if let Some(Heading { direction, .. }) = self.send(at, &mut other, Some(lesser)) {
-            let mut walk = walk.clone();
-            walk.leave(at, direction);
-            parts.push(Part { walk, luggage: other, collision: None });
-        }
+        self.send_apart(at, walk, &other, parts, Some(lesser));
         heading
     }
 
@@ -449,6 +461,7 @@ impl<'s> Looking<'_, '_, 's> {
             let diffuse = vertex.nature() == Nature::Diffuse;
             luggage.own.turn = Turn::Surface { receiver: vertex.receiver(), density: onward.density, glows: diffuse };
             luggage.own.bent = false;
+            luggage.own.glimpsed = false;
             luggage.own.uncast = !at.caustics.receives;
             luggage.own.seeks = Seeks::All;
             luggage.own.spread = match (diffuse, luggage.events) {
@@ -466,9 +479,9 @@ impl<'s> Looking<'_, '_, 's> {
         goes_on.then_some(Heading { direction: onward.direction, clearance: None })
     }
 
-    /// Goes on by a specular event, or ends.
-    fn send_bent(&mut self, at: &Interaction, luggage: &mut Luggage<Path>) -> Option<Heading> {
-        if !at.bsdf.is_partly_specular() {
+    /// Goes on by a specular event, or ends. `coat`: the lobe that is left, where what the coat mirrors is followed apart.
+    fn send_bent(&mut self, at: &Interaction, luggage: &mut Luggage<Path>, coat: Option<Lobe>) -> Option<Heading> {
+        if coat.is_some() || !at.bsdf.is_partly_specular() {
             return None;
         }
         let seeks = luggage.own.seeks;
@@ -478,34 +491,36 @@ impl<'s> Looking<'_, '_, 's> {
     }
 
     /// Goes on to what is emitted, with its part of what was asked for; by a specular event to all there is.
-    fn send_for_emission(&mut self, at: &Interaction, luggage: &mut Luggage<Path>) -> Option<Heading> {
+    fn send_for_emission(
+        &mut self,
+        at: &Interaction,
+        luggage: &mut Luggage<Path>,
+        coat: Option<Lobe>,
+    ) -> Option<Heading> {
         if !self.eye.meets_emission {
-            return self.send_bent(at, luggage);
+            return self.send_bent(at, luggage, coat);
         }
-        let heading = self.send(at, luggage, None);
+        let heading = self.send(at, luggage, coat);
         if matches!(luggage.own.turn, Turn::Surface { .. }) {
             luggage.own.seeks = Seeks::Emitted;
         }
         heading
     }
 
-    /// Sends all but the last of so many gather rays, and leaves its part of the weight to that.
-    fn send_more(
+    /// Sends a part on from a surface, to be followed later.
+    fn send_apart(
         &mut self,
         at: &Interaction,
         walk: &Walk<'s>,
-        luggage: &mut Luggage<Path>,
+        luggage: &Luggage<Path>,
         parts: &mut Parts<'s, Path>,
-        rays: u32,
+        lobe: Option<Lobe>,
     ) {
-        luggage.weight /= f64::from(rays);
-        for _ in 1..rays {
-            let mut part = luggage.part(luggage.weight, luggage.own.clone());
-            if let Some(Heading { direction, .. }) = self.send(at, &mut part, None) {
-                let mut walk = walk.clone();
-                walk.leave(at, direction);
-                parts.push(Part { walk, luggage: part, collision: None });
-            }
+        let mut part = luggage.part(luggage.weight, luggage.own.clone());
+        if let Some(Heading { direction, .. }) = self.send(at, &mut part, lobe) {
+            let mut walk = walk.clone();
+            walk.leave(at, direction);
+            parts.push(Part { walk, luggage: part, collision: None });
         }
     }
 
@@ -529,6 +544,7 @@ impl<'s> Looking<'_, '_, 's> {
         let onward = vertex.onward(Side::Eye, None, &mut luggage.weight, self.context.stream, keep)?;
         luggage.own.turn = Turn::Medium { point: at.point, density: onward.density, landing };
         (luggage.own.spread, luggage.own.bent, luggage.own.seeks) = (Spread::Other, false, Seeks::All);
+        luggage.own.glimpsed = false;
         Some(Heading { direction: onward.direction, clearance: None })
     }
 }

@@ -59,6 +59,16 @@ impl Looking<'_, '_, '_> {
         }
     }
 
+    /// Whether a path follows what a smooth coat mirrors apart from what the base sends, which is the lobe that is left then. The
+    /// mirror's part was rarely drawn, and counted many times over.
+    pub(super) fn splits_coat(&self, luggage: &Luggage<Path>, at: &Interaction) -> Option<Lobe> {
+        if !self.eye.has_photons() || luggage.own.diffuse {
+            return None;
+        }
+        let (_, factor) = at.bsdf.mirrored(&at.incidence)?;
+        (matters(luggage.weight * factor, Rgb::ONE) > LESSER).then_some(Lobe::Refracted)
+    }
+
     /// Roulette for paths that matter little: survivors carry the weight of the others.
     pub(super) fn outlives(&mut self, weight: &mut Rgb, diffuse: bool, inside: &Inside) -> bool {
         let scene = self.eye.scene;
