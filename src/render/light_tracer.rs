@@ -221,7 +221,7 @@ impl Sending<'_, '_> {
         let share = match (at, flight) {
             (Vertex::Medium(at), Some(flight)) => {
                 let by_chance = flight.flight_density(at.medium, at.t);
-                balance(by_chance, flight.distance_density(camera.position + lens, at.t))
+                balance(by_chance, flight.distance_density(camera.position + lens, (flight.a, flight.b), at.t))
             }
             _ => 1.0,
         };
@@ -233,7 +233,7 @@ impl Sending<'_, '_> {
         let LightTracer { scene, camera, .. } = self.tracer;
         let lens = camera.lens(self.stream);
         let u = self.stream.draw(Dimension::Equiangular, Stream::uniform);
-        let Some((t, density)) = flight.draw_distance(camera.position + lens, u) else { return };
+        let Some((t, density)) = flight.draw_distance(camera.position + lens, (flight.a, flight.b), u) else { return };
         let point = segment.ray.at(t);
         let Some(view) = camera.view(point, lens) else { return };
 

@@ -3,7 +3,7 @@
 
 use super::flight;
 use super::segment::{Crossing, Segment};
-use crate::light::{Along, Arrival, Directivity, Emitter, Light};
+use crate::light::{Along, Arrival, Directivity, Emitter, Light, SoftCone};
 use crate::math::{DVec3, Ray, Rgb, Stream, choose, shares};
 use crate::medium::Medium;
 use crate::scene::Scene;
@@ -57,7 +57,7 @@ impl Flight {
     }
 
     /// How much a light matters to this flight; 0 for those it leaves to collisions by chance, wherever on its line it begins
-    /// and ends.
+    /// and ends: lights that are far aside, unless their cones are so narrow that chance would miss them.
     fn importance(&self, light: &Light) -> f64 {
         let (center, power, area) = match light {
             Light::Point(point) => (point.position, point.intensity, 0.0),
@@ -72,27 +72,44 @@ impl Flight {
         };
         let along = (center - self.ray.origin).dot(self.ray.direction);
         let aside2 = center.distance_squared(self.ray.at(along));
-        if aside2.max(area) > self.reach * self.reach {
-            return 0.0;
-        }
-        let nearest = self.ray.at(along.clamp(self.a, self.b));
+        let is_far = aside2.max(area) > self.reach * self.reach;
+        let (a, b) = match cone(light) {
+            None if is_far => return 0.0,
+            None => (self.a, self.b),
+            Some(cone) => {
+                let chord = cone.chord(center, &self.ray).filter(|(a, b)| !is_far || b - a < self.reach);
+                let Some((a, b)) = chord.or_else(|| (area > 0.0 && !is_far).then_some((self.a, self.b))) else {
+                    return 0.0;
+                };
+                (a.max(self.a), b.min(self.b))
+            }
+        };
+        let nearest = self.ray.at(along.min(b).max(a));
         power.element_sum() / (center.distance_squared(nearest) + area).max(f64::MIN_POSITIVE)
+    }
+
+    /// The part of the segment on which light of `light` may arrive that comes from `from`.
+    fn lit(&self, light: &Light, from: DVec3) -> Option<(f64, f64)> {
+        let Some(cone) = cone(light) else { return Some((self.a, self.b)) };
+        let (a, b) = cone.chord(from, &self.ray)?;
+        let (a, b) = (a.max(self.a), b.min(self.b));
+        (a < b).then_some((a, b))
     }
 
     fn total_importance(&self, scene: &Scene) -> f64 {
         scene.lights.iter().map(|light| self.importance(light)).sum()
     }
 
-    /// How `to` sees the segment.
-    fn seen_from(&self, to: DVec3) -> Seen {
+    /// How `to` sees a part of the segment.
+    fn seen_from(&self, to: DVec3, (a, b): (f64, f64)) -> Seen {
         let foot = (to - self.ray.origin).dot(self.ray.direction);
         let distance = to.distance(self.ray.origin);
         // A light on the ray itself is moved off it by a billionth.
         let aside = to.distance(self.ray.at(foot)).max(1e-9 * distance).max(f64::MIN_POSITIVE);
-        let start = self.a - foot;
+        let start = a - foot;
         // The difference of both ends' angles to the perpendicular, by the tangent of a difference.
-        let angle = if self.b.is_finite() {
-            (aside * (self.b - self.a)).atan2(aside * aside + start * (self.b - foot))
+        let angle = if b.is_finite() {
+            (aside * (b - a)).atan2(aside * aside + start * (b - foot))
         } else {
             aside.atan2(start)
         };
@@ -101,19 +118,20 @@ impl Flight {
 
     /// The density per length with which [`Flight::draw_distance`] draws `t`.
     #[inline]
-    pub fn distance_density(&self, to: DVec3, t: f64) -> f64 {
-        let seen = self.seen_from(to);
-        if seen.angle > 0.0 { seen.density(t) } else { 0.0 }
+    pub fn distance_density(&self, to: DVec3, (a, b): (f64, f64), t: f64) -> f64 {
+        let seen = self.seen_from(to, (a, b));
+        if seen.angle > 0.0 && a <= t && t <= b { seen.density(t) } else { 0.0 }
     }
 
-    /// Draws a place `t` of the segment for a light, or a lens, at `to`: in proportion to the angle that it sees; with the density.
-    pub fn draw_distance(&self, to: DVec3, u: f64) -> Option<(f64, f64)> {
-        let seen = self.seen_from(to);
+    /// Draws a place `t` from `a` to `b` on the segment for a light, or a lens, at `to`: in proportion to the angle that it sees; with the
+    /// density.
+    pub fn draw_distance(&self, to: DVec3, (a, b): (f64, f64), u: f64) -> Option<(f64, f64)> {
+        let seen = self.seen_from(to, (a, b));
         let Seen { foot, aside, start, angle } = seen;
         // foot + aside tan(α + u angle), of tan α = start/aside, by the tangent of a sum.
         let (sin, cos) = (u * angle).sin_cos();
         let along = aside * (start * cos + aside * sin) / (aside * cos - start * sin);
-        let t = (foot + along).clamp(self.a, self.b);
+        let t = (foot + along).clamp(a, b);
         (angle > 0.0 && t.is_finite()).then(|| (t, seen.density(t)))
     }
 
@@ -176,6 +194,18 @@ impl Seen {
     }
 }
 
+/// The cone outside of which no light of a light arrives.
+fn cone(light: &Light) -> Option<&SoftCone> {
+    match light {
+        Light::Spot(spot) => Some(&spot.cone),
+        Light::Area(area) => match &area.profile {
+            Directivity::Spot(_, cone) => Some(cone),
+            Directivity::Diffuse(_) | Directivity::Beam(..) => None,
+        },
+        _ => None,
+    }
+}
+
 /// Where the medium is densest, by its mean extinction.
 pub fn mean_free_path(medium: &Medium) -> f64 {
     1.0 / (medium.extinction.element_sum() / 3.0 * medium.density.max())
@@ -198,7 +228,8 @@ pub fn draw(scene: &Scene, flight: &Flight, stream: &mut Stream) -> Option<Draw>
     match light {
         Light::Area(area) => {
             let sample = area.sample(&scene.geometry, emitter.triangle, stream.uniform2());
-            let (t, per_length) = flight.draw_distance(sample.point, stream.uniform())?;
+            let lit = flight.lit(light, sample.point)?;
+            let (t, per_length) = flight.draw_distance(sample.point, lit, stream.uniform())?;
             let from = flight.ray.at(t);
             let distance = sample.point.distance(from);
             let direction = (sample.point - from) / distance;
@@ -225,7 +256,7 @@ pub fn draw(scene: &Scene, flight: &Flight, stream: &mut Stream) -> Option<Draw>
                 Light::Goniometric(lamp) => lamp.position,
                 _ => return None,
             };
-            let (t, per_length) = flight.draw_distance(position, stream.uniform())?;
+            let (t, per_length) = flight.draw_distance(position, flight.lit(light, position)?, stream.uniform())?;
             let arrival = light.arrive(&scene.geometry, None, flight.ray.at(t), stream)?;
             Some(Draw { t, emitter, arrival, density: choice * per_length })
         }
@@ -240,7 +271,7 @@ fn density(scene: &Scene, flight: &Flight, t: f64, emitter: Emitter, arrival: &A
         return 0.0;
     }
     let to = flight.ray.at(t) + arrival.distance * arrival.direction;
-    let per_length = choice * flight.distance_density(to, t);
+    let per_length = choice * flight.lit(light, to).map_or(0.0, |lit| flight.distance_density(to, lit, t));
     match light {
         Light::Area(area) => {
             let per_area = area.pdf(&scene.geometry, emitter.triangle, arrival.normal);
@@ -316,7 +347,7 @@ mod tests {
             };
             let to = DVec3::new(foot, 0.6 * aside, size + 0.8 * aside);
             let u = stream.uniform();
-            let (t, density) = flight.draw_distance(to, u).unwrap();
+            let (t, density) = flight.draw_distance(to, (a, b), u).unwrap();
 
             let angle = |t: f64| if t.is_finite() { ((t - foot) / aside).atan() } else { FRAC_PI_2 };
             let (start, end) = (angle(a), angle(b));
@@ -327,7 +358,7 @@ mod tests {
             assert!(((angle(t) - start) / (end - start) - u).abs() < sure, "{at}");
             let expected = 1.0 / (aside * (end - start) * (1.0 + ((t - foot) / aside).powi(2)));
             assert!((density / expected - 1.0).abs() < sure, "{at}: density {density}, not {expected}");
-            assert_eq!(density, flight.distance_density(to, t), "{at}");
+            assert_eq!(density, flight.distance_density(to, (a, b), t), "{at}");
         }
     }
 }
