@@ -310,7 +310,7 @@ fn a_furnace_of_lossless_solids_by_photons() {
         for (kind, material) in [("matched", ""), ("dielectric", "material = \"glass\"")] {
             let text = format!(
                 "{}{SKY}[media.fog]\n{medium}\n[materials.glass]\ntype = \"dielectric\"\nior = 1.5\n{}",
-                view(4, [0.0, 0.0, 3.0], [0.0; 3], [0.0, 1.0, 0.0], 30.0, "photon", 16),
+                view(4, [0.0, 0.0, 3.0], [0.0; 3], [0.0, 1.0, 0.0], 30.0, "photon", 8),
                 ball(material)
             );
             let one = Estimate::exact([1.0; 3]);
