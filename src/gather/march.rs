@@ -504,24 +504,23 @@ mod tests {
                     table.finish();
                 }
                 let depth = (!medium.density.is_even()).then_some(&table);
-                for weight in [Rgb::ONE, Rgb::new(0.0, 1.0, 5.0)] {
-                    let segment = MarchSegment { ray: &ray, from: 0.0, a, b, medium: &medium, depth, weight };
-                    for stepping in STEPPINGS {
-                        for size in [0.1, 0.5, 9.0] {
+                let of_weight = |weight| MarchSegment { ray: &ray, from: 0.0, a, b, medium: &medium, depth, weight };
+                let sources: [(&str, &dyn Fn(f64) -> Rgb); 2] = [("wave", &wave), ("flash", &flash)];
+                for (name, source) in sources {
+                    let expected = integral(&of_weight(Rgb::ONE), source);
+                    for weight in [Rgb::ONE, Rgb::new(0.0, 1.0, 5.0)] {
+                        for (stepping, size) in
+                            STEPPINGS.into_iter().flat_map(|s| [0.1, 0.5, 9.0].map(|size| (s, size)))
+                        {
                             let marcher = Marcher { stepping, size };
-                            let check = |name: &str, source: &dyn Fn(f64) -> Rgb| {
-                                let expected = integral(&segment, source);
-                                let (mean, error, _) = run(&marcher, &segment, source, expected);
-                                for c in (0..3).filter(|&c| weight[c] > 0.0) {
-                                    let found = (mean[c] - 1.0).abs();
-                                    assert!(
-                                        found < 4.0 * error[c] + 1e-4,
-                                        "{name} {extinction:?} {a} {weight} {marcher:?} {c}: {mean} ± {error}"
-                                    );
-                                }
-                            };
-                            check("wave", &wave);
-                            check("flash", &flash);
+                            let (mean, error, _) = run(&marcher, &of_weight(weight), source, expected);
+                            for c in (0..3).filter(|&c| weight[c] > 0.0) {
+                                let found = (mean[c] - 1.0).abs();
+                                assert!(
+                                    found < 4.0 * error[c] + 1e-4,
+                                    "{name} {extinction:?} {a} {weight} {marcher:?} {c}: {mean} ± {error}"
+                                );
+                            }
                         }
                     }
                 }
