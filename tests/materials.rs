@@ -91,7 +91,8 @@ emission = { radiance = [12, 10, 8] }
 #[test]
 fn photons_light_a_room_of_all_materials() {
     let mut checks = Checks::default();
-    let photon = images(11, ROOM, &["render.method=photon", "render.samples=40", "photons.volume=60_000"]);
+    let photons = ["photons.volume=60_000", "photons.global=30_000", "photons.caustic=20_000"];
+    let photon = images(11, ROOM, &[&["render.method=photon", "render.samples=40"], &photons[..]].concat());
     let found = Estimate::over(&photon, |image| [image.mean(); 3]);
     let path = Estimate { mean: [0.328_859; 3], standard_error: [2.5e-4; 3] };
     checks.agree("room", &found, &path, 0.006, 0.005);
@@ -176,7 +177,8 @@ fn all_methods_agree_behind_masks() {
     let grey = |images: &[Image]| Estimate::over(images, |image| [image.mean(); 3]);
     // Path tracing found this once (48 seeds of 250 samples).
     let path = Estimate { mean: [0.216_347; 3], standard_error: [5.1e-4; 3] };
-    let photon = images(8, VEILS, &["render.method=photon", "render.samples=100", "photons.volume=60_000"]);
+    let photons = ["photons.volume=60_000", "photons.global=20_000", "photons.caustic=20_000"];
+    let photon = images(8, VEILS, &[&["render.method=photon", "render.samples=100"], &photons[..]].concat());
     let light = images(16, VEILS, &["render.method=light", "render.samples=120"]);
     checks.agree("veils", &grey(&photon), &path, 0.008, 0.004);
     checks.agree("veils, by light", &grey(&light), &path, 0.008, 0.0);
