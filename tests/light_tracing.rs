@@ -260,7 +260,7 @@ emission = { radiance = 3 }
 fn a_lens_and_glass() {
     compare("glass", GLASS, &[], (64, 192), 0.02);
     // In the fog itself, what scatters close to the lens is far brighter.
-    compare("in fog", GLASS, &["world.medium=\"fog\""], (32, 192), 0.06);
+    compare("in fog", GLASS, &["world.medium=\"fog\""], (16, 64), 0.06);
 }
 
 /// A sky that is brighter above, and a sun; a mesh of smoothed normals on a floor.

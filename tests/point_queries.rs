@@ -73,7 +73,7 @@ fn marchers_agree_with_path_tracing() {
         for (j, kernel) in ["fixed", "knn"].into_iter().enumerate() {
             let profile = ["constant", "epanechnikov", "biweight"][(i + j) % 3];
             let set = [
-                "render.samples=10".to_string(),
+                "render.samples=7".to_string(),
                 format!("volume.kernel={kernel}"),
                 format!("volume.profile={profile}"),
                 format!("volume.march.step={step}"),

@@ -85,7 +85,7 @@ fn fog_with_a_lamp() {
     let text = format!("{ROOM}{MIRROR}");
     let seen_twice = ["materials.wall.reflectance=0", "render.max_depth=2"];
     let path = by_path(0.531_897, 8.2e-4);
-    let traced = of(&text, 16, 90, &[&seen_twice[..], &[PHOTON, TRACED, "photons.volume=100_000"]].concat());
+    let traced = of(&text, 16, 40, &[&seen_twice[..], &[PHOTON, TRACED, "photons.volume=100_000"]].concat());
     checks.agree("in a mirror", &traced, &path, 0.006, 0.004);
     // All light; most of the noise is that of walls. Photons of the second collision on are blurred, but count for less.
     let path = by_path(0.928_810, 1.4e-3);
@@ -186,9 +186,9 @@ fn a_caustic_survives() {
     let mut checks = Checks::default();
     let depth = "render.max_depth=3";
     let path = Estimate { mean: [0.023_137; 3], standard_error: [5.9e-5; 3] };
-    let traced = of(CAUSTIC, 8, 32, &[PHOTON, TRACED, depth, "photons.volume=200_000"]);
+    let traced = of(CAUSTIC, 5, 32, &[PHOTON, TRACED, depth, "photons.volume=200_000"]);
     checks.agree("traced", &traced, &path, 0.0065, 0.006);
-    let photons = of(CAUSTIC, 12, 32, &[PHOTON, depth, "photons.volume=200_000"]);
+    let photons = of(CAUSTIC, 8, 32, &[PHOTON, depth, "photons.volume=200_000"]);
     checks.agree("photons", &photons, &path, 0.0065, 0.01);
     checks.finish();
 }

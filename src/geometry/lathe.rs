@@ -22,6 +22,9 @@ pub struct Lathe {
 /// More points are refused: whether a line crosses itself takes quadratic time to find out.
 const MOST_POINTS: usize = 10_000;
 
+/// Facets of a lathe that has flat ones, at most.
+const MOST_FACETS: usize = 1_000_000;
+
 /// A piece of the line, which is not on the axis.
 #[derive(Clone, Copy, Debug)]
 struct Piece {
@@ -119,11 +122,17 @@ impl Lathe {
     /// than `crease`, in radians, are shaded round.
     ///
     /// # Errors
-    /// As [`Lathe::new`], and for fewer than three segments.
+    /// As [`Lathe::new`], for fewer than three segments, and for more than a million facets.
     pub fn facets(profile: &[DVec2], segments: u32, crease: f64) -> Result<Mesh> {
         let lathe = Lathe::new(profile, crease)?;
         if segments < 3 {
             return Err(Error::Scene(format!("a lathe with {segments} segments: expected at least 3")));
+        }
+        let facets = segments as usize * lathe.pieces.len();
+        if facets > MOST_FACETS {
+            return Err(Error::Scene(format!(
+                "a lathe of {facets} facets: expected at most {MOST_FACETS}; without segments it is round"
+            )));
         }
         let step = TAU / f64::from(segments);
         let round = step < crease;
