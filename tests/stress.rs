@@ -2,9 +2,9 @@
 //! by both methods, or is refused with a reason; and each keeps what its first line says.
 
 use std::path::{Path, PathBuf};
-use std::sync::LazyLock;
-use std::sync::atomic::AtomicBool;
-use std::time::Instant;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, LazyLock, mpsc};
+use std::time::{Duration, Instant};
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use volpm::Result;
@@ -85,6 +85,30 @@ fn every_stress_scene_is_finite_or_refused() {
 }
 
 /// From afar, a grid is many thousand steps away: samples along rays count them all, and tables of them end where they should.
+/// A room that light never leaves, seen from outside, where that is not found out: the first photon's walk has no end, and is broken off.
+#[test]
+fn a_walk_without_end_is_broken_off() {
+    for method in ["photon", "light"] {
+        let overrides = ["camera.position=[0,0,70]".to_string(), format!("render.method={method}")];
+        let description = scene::read(&folder().join("closed.toml"), &overrides).unwrap();
+        let (scene, settings) = scene::build(&description).unwrap();
+        let stop = Arc::new(AtomicBool::new(false));
+        let (told, ended) = (stop.clone(), mpsc::channel());
+        // Were the walk not broken off, this thread would outlive the test.
+        std::thread::spawn(move || {
+            let pool = ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+            let rendering = pool.install(|| render(&scene, &settings, &Silent, &told));
+            ended
+                .0
+                .send(rendering.is_ok_and(|rendering| rendering.film.image().pixels.iter().flatten().any(|&x| x > 0.0)))
+        });
+        std::thread::sleep(Duration::from_millis(300));
+        stop.store(true, Ordering::Relaxed);
+        let found = ended.1.recv_timeout(Duration::from_secs(20));
+        assert_eq!(found, Ok(false), "{method}: it goes on, or shows something");
+    }
+}
+
 #[test]
 fn smoke_is_seen_from_afar() {
     let small = ["film.width=160", "film.height=120", "render.samples=1", "photons.volume=20000"];

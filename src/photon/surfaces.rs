@@ -214,7 +214,7 @@ impl<'s> SurfaceTracer<'s> {
     ) -> Landed {
         let emit = |photon, found: &mut Landed, parts: &mut Parts<'s, Remembered>| {
             let mut stream = self.pass.emission.stream(self.pass.seed, purpose, photon, self.pass.index);
-            self.emit(&mut stream, found, parts);
+            self.emit(&mut stream, found, parts, stop);
         };
         let end = |found: &mut Landed, count| {
             found.emitted = count;
@@ -232,7 +232,13 @@ impl<'s> SurfaceTracer<'s> {
         all
     }
 
-    fn emit(&self, stream: &mut Stream, found: &mut Landed, parts: &mut Parts<'s, Remembered>) {
+    fn emit(
+        &self,
+        stream: &mut Stream,
+        found: &mut Landed,
+        parts: &mut Parts<'s, Remembered>,
+        stop: &(dyn Fn() -> bool + Sync),
+    ) {
         let Some(Start { ray, power, inside, from_light, source, aim }) = self.sources.start(stream) else { return };
         if !power.is_finite() {
             found.tally.broken += 1;
@@ -241,7 +247,8 @@ impl<'s> SurfaceTracer<'s> {
         let own = Remembered { history: History::new(from_light), from_surface: false, ahead: Ahead::default() };
         let start =
             Part { walk: Walk::start(self.scene, ray, inside), luggage: Luggage::new(power, own), collision: None };
-        travel(&mut Landing { tracer: self, found, stream, origin: self.notes.then_some((source, aim)) }, start, parts);
+        let origin = self.notes.then_some((source, aim));
+        travel(&mut Landing { tracer: self, found, stream, stop, origin }, start, parts);
     }
 }
 
@@ -259,6 +266,8 @@ struct Landing<'f, 's> {
     tracer: &'f SurfaceTracer<'s>,
     found: &'f mut Landed,
     stream: &'f mut Stream,
+    /// Whether to break off.
+    stop: &'f (dyn Fn() -> bool + Sync),
     /// Where it started, if that is noted.
     origin: Option<Origin>,
 }
@@ -326,6 +335,10 @@ impl<'s> Traveller<'s> for Landing<'_, 's> {
         };
         let goes_on = !is_useless && max_events.allows(luggage.events);
         goes_on.then_some(Heading { direction: onward.direction, clearance: None })
+    }
+
+    fn breaks_off(&mut self) -> bool {
+        (self.stop)()
     }
 
     fn stopped(&mut self) {

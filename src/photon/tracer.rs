@@ -115,6 +115,10 @@ pub(super) fn in_chunks<C: Default + Send, R: Default>(
             }
             emit(photon, &mut chunk, &mut room);
         }
+        // A walk may have been broken off.
+        if stop() {
+            return C::default();
+        }
         end(&mut chunk, count);
         chunk
     };
@@ -151,7 +155,7 @@ impl<'s> Tracer<'s> {
     ) -> Vec<Chunk> {
         let emit = |photon, chunk: &mut Chunk, parts: &mut Parts<'s, Remembered>| {
             let mut stream = self.pass.emission.stream(self.pass.seed, purpose, photon, self.pass.index);
-            self.emit(&mut stream, chunk, parts);
+            self.emit(&mut stream, chunk, parts, stop);
         };
         let end = |chunk: &mut Chunk, count| {
             chunk.emitted = count;
@@ -161,8 +165,14 @@ impl<'s> Tracer<'s> {
         in_chunks(range, stop, emit, end)
     }
 
-    /// Emits one photon, and follows it and all that is split off it.
-    fn emit(&self, stream: &mut Stream, chunk: &mut Chunk, parts: &mut Parts<'s, Remembered>) {
+    /// Emits one photon, and follows it and all that is split off it, unless `stop` says so.
+    fn emit(
+        &self,
+        stream: &mut Stream,
+        chunk: &mut Chunk,
+        parts: &mut Parts<'s, Remembered>,
+        stop: &(dyn Fn() -> bool + Sync),
+    ) {
         let Some(Start { ray, power, inside, from_light, source, .. }) = self.sources.start(stream) else { return };
         if !power.is_finite() {
             chunk.tally.broken += 1;
@@ -178,7 +188,7 @@ impl<'s> Tracer<'s> {
         };
         let start =
             Part { walk: Walk::start(self.scene, ray, inside), luggage: Luggage::new(power, own), collision: None };
-        let mut flying = Flying { tracer: self, chunk, stream, source, collided: false };
+        let mut flying = Flying { tracer: self, chunk, stream, stop, source, collided: false };
         travel(&mut flying, start, parts);
         let collided = flying.collided;
         chunk.collided += u64::from(collided);
@@ -203,6 +213,8 @@ struct Flying<'f, 's> {
     tracer: &'f Tracer<'s>,
     chunk: &'f mut Chunk,
     stream: &'f mut Stream,
+    /// Whether to break off.
+    stop: &'f (dyn Fn() -> bool + Sync),
     /// The number of its source.
     source: u32,
     /// Whether any part of it has collided.
@@ -311,6 +323,10 @@ impl<'s> Traveller<'s> for Flying<'_, 's> {
         luggage.events += 1;
         // One more collision and the eye's own scattering must still be allowed.
         heading.filter(|_| self.may_store(luggage.events))
+    }
+
+    fn breaks_off(&mut self) -> bool {
+        (self.stop)()
     }
 
     fn stopped(&mut self) {

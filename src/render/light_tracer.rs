@@ -18,6 +18,7 @@
 //! (Kulla and Fajardo 2012). Both ways to find light share by the balance heuristic.
 
 use std::ops::{ControlFlow, Range};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::camera::{Camera, View};
 use super::eye::{BRIGHTEST, Component, First};
@@ -50,6 +51,8 @@ pub(super) struct LightTracer<'s> {
     /// By medium, how close to the camera a flight is connected from its middle; infinite in thin media, negative in those that
     /// do not scatter.
     reach: Vec<f64>,
+    /// Whether to break off long paths.
+    stop: &'s AtomicBool,
 }
 
 /// What some light paths have left.
@@ -59,10 +62,12 @@ pub(super) struct Sent {
     /// The paths, those included that were lost.
     pub paths: u64,
     pub tally: Tally,
+    /// Whether a path was broken off, so that none of it counts.
+    pub is_broken_off: bool,
 }
 
 impl<'s> LightTracer<'s> {
-    pub fn new(scene: &'s Scene, camera: &Camera, plan: &Plan, pass: u32) -> Self {
+    pub fn new(scene: &'s Scene, camera: &Camera, plan: &Plan, pass: u32, stop: &'s AtomicBool) -> Self {
         let (sources, camera) = (Sources::new(scene), camera.clone());
         let extent = scene.bounds().diagonal();
         // No place of a flight is nearer to parallel rays.
@@ -72,7 +77,16 @@ impl<'s> LightTracer<'s> {
             path => path + camera.aperture(),
         };
         let reach = scene.media.iter().map(reach).collect();
-        LightTracer { scene, camera, sources, max_events: plan.max_events, seed: plan.seed, pass: pass as u64, reach }
+        LightTracer {
+            scene,
+            camera,
+            sources,
+            max_events: plan.max_events,
+            seed: plan.seed,
+            pass: pass as u64,
+            reach,
+            stop,
+        }
     }
 
     /// The paths that one sample of all pixels takes.
@@ -105,10 +119,14 @@ impl<'s> LightTracer<'s> {
     /// Traces the paths of a task of a sample. `parts` is room for its work.
     pub fn trace(&self, (sample, task): (u32, u64), parts: &mut Parts<'s, Origin>) -> Sent {
         let paths = self.paths(sample, task);
-        let mut sent = Sent { splats: Vec::new(), paths: paths.end - paths.start, tally: Tally::default() };
+        let mut sent =
+            Sent { splats: Vec::new(), paths: paths.end - paths.start, tally: Tally::default(), is_broken_off: false };
         for path in paths {
             let mut stream = Stream::of_path(self.seed, Purpose::Light, path, self.pass);
             self.emit(&mut stream, &mut sent, parts);
+            if sent.is_broken_off {
+                break;
+            }
         }
         join(&mut sent.splats);
         sent
@@ -205,6 +223,11 @@ impl<'s> Traveller<'s> for Sending<'_, 's> {
         }
         luggage.own.history = luggage.own.history.after(event, &at);
         Some(Heading { direction: onward.direction, clearance: None })
+    }
+
+    fn breaks_off(&mut self) -> bool {
+        self.sent.is_broken_off |= self.tracer.stop.load(Ordering::Relaxed);
+        self.sent.is_broken_off
     }
 
     fn stopped(&mut self) {

@@ -83,7 +83,7 @@ impl<P: Progress> Renderer<'_, P> {
         let tiles = tiles.columns * tiles.rows;
         // Of light that is sent, camera rays see only what comes straight from an emitter.
         let sends = self.plan.method == Method::Light;
-        let lamps = sends.then(|| LightTracer::new(self.scene, &self.camera, &self.plan, pass));
+        let lamps = sends.then(|| LightTracer::new(self.scene, &self.camera, &self.plan, pass, self.stop));
         let tasks = lamps.as_ref().map_or(0, LightTracer::tasks_in_sample);
         let traced = self.plan.traced.clone();
         let settings = EyeSettings {
@@ -97,6 +97,7 @@ impl<P: Progress> Renderer<'_, P> {
             light_samples: self.plan.light_samples,
             whitted: self.plan.method == Method::Whitted,
             spread: self.camera.cone().map(|width| width * footprint(self.plan.samples)),
+            stop: self.stop,
         };
         let mut eye = Eye::new(self.scene, settings);
         let cache = self.fill_cache(&eye, pass);
@@ -134,6 +135,9 @@ impl<P: Progress> Renderer<'_, P> {
                     if let Some(sent) =
                         number.checked_sub(u64::from(tiles)).and_then(|task| round.send(task, &mut room))
                     {
+                        if sent.is_broken_off {
+                            break;
+                        }
                         let mut image = image.lock().unwrap_or_else(PoisonError::into_inner);
                         let (film, stats) = &mut *image;
                         film.splat(&sent.splats, sent.paths);
@@ -270,7 +274,11 @@ impl<'s> Round<'_, 's> {
             let tally = &mut done.tally;
             let Room { queue, parts, .. } = &mut *room;
             let mut context = Context { stream: &mut stream, queue, pixel: index, tally, parts };
-            sum.add(&eye.look(ray, inside, &mut context));
+            let found = eye.look(ray, inside, &mut context);
+            if found.is_broken_off {
+                break;
+            }
+            sum.add(&found);
         }
         done.sums.push((x, y, sum));
     }

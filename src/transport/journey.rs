@@ -64,6 +64,9 @@ pub struct Heading {
 /// Walks that nothing ends are stopped after so many events, and counted.
 pub const SAFETY_STOP: u64 = 1_000_000_000;
 
+/// Every so many events a walk asks whether it is to be broken off: in milliseconds.
+const PATIENCE: u64 = 1 << 14;
+
 /// Who goes on a journey.
 pub trait Traveller<'s> {
     /// What it remembers on its way beside weight and events.
@@ -115,6 +118,11 @@ pub trait Traveller<'s> {
 
     /// Is stopped after [`SAFETY_STOP`] events.
     fn stopped(&mut self);
+
+    /// Whether it is to break off: what it has found is of no use then.
+    fn breaks_off(&mut self) -> bool {
+        false
+    }
 }
 
 /// Follows a journey, and all that is split off it, to the ends. `parts` is room for what waits meanwhile.
@@ -180,6 +188,10 @@ fn follow<'s, T: Traveller<'s>>(traveller: &mut T, part: Part<'s, T::Own>, parts
         }
         if luggage.events >= SAFETY_STOP {
             traveller.stopped();
+            return;
+        }
+        if luggage.events.is_multiple_of(PATIENCE) && traveller.breaks_off() {
+            parts.clear();
             return;
         }
     }
@@ -288,5 +300,68 @@ mod tests {
         let start = Part { walk, luggage: Luggage::new(Rgb::ONE, ()), collision: Some((0.5, 0)) };
         travel(&mut splitting, start, &mut Parts::new());
         assert_eq!((splitting.ended, splitting.waiting), ((1.0, 1 << 10), 10));
+    }
+
+    /// Scatters for ever, until it is told to break off.
+    struct Endless<'s> {
+        scene: &'s Scene,
+        stream: Stream,
+        asked: u64,
+        events: u64,
+    }
+
+    impl<'s> Traveller<'s> for Endless<'s> {
+        type Own = ();
+
+        fn scene(&self) -> &'s Scene {
+            self.scene
+        }
+
+        fn stream(&mut self) -> &mut Stream {
+            &mut self.stream
+        }
+
+        fn segment(&mut self, segment: &Segment<'_>, _: &mut Luggage<()>, _: &mut Parts<'s, ()>) -> ControlFlow<f64> {
+            ControlFlow::Break(segment.a + 1.0)
+        }
+
+        fn turn(
+            &mut self,
+            at: Vertex<'_>,
+            walk: &Walk<'s>,
+            luggage: &mut Luggage<()>,
+            parts: &mut Parts<'s, ()>,
+        ) -> Option<Heading> {
+            let Vertex::Medium(at) = at else { panic!("there is no surface") };
+            luggage.events += 1;
+            self.events += 1;
+            if luggage.events == 1 {
+                parts.push(Part { walk: walk.clone(), luggage: luggage.clone(), collision: None });
+            }
+            Some(Heading { direction: -at.direction, clearance: None })
+        }
+
+        fn stopped(&mut self) {
+            panic!("it breaks off before");
+        }
+
+        fn breaks_off(&mut self) -> bool {
+            self.asked += 1;
+            self.asked > 2
+        }
+    }
+
+    /// Who is told to break off does so soon, and what waits is not followed.
+    #[test]
+    fn a_journey_breaks_off() {
+        let (scene, _) = scene::from_text(
+            "[camera]\nposition = [0, 0, 1]\ntarget = [0, 0, 0]\n[world]\nmedium = \"air\"\n[media.air]\nsigma_s = 1\n",
+        );
+        let mut endless = Endless { scene: &scene, stream: Stream::new(1, Purpose::Test, 0, 0), asked: 0, events: 0 };
+        let walk = Walk::new(&scene, crate::math::Ray::new(DVec3::ZERO, DVec3::X), scene.inside(DVec3::ZERO));
+        let start = Part { walk, luggage: Luggage::new(Rgb::ONE, ()), collision: None };
+        let mut parts = Parts::new();
+        travel(&mut endless, start, &mut parts);
+        assert_eq!((endless.asked, endless.events, parts.len()), (3, 3 * PATIENCE, 0));
     }
 }

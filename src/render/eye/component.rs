@@ -89,10 +89,18 @@ pub struct Sample {
     pub normal: DVec3,
     /// Distance of the first surface; infinite if there is none.
     pub depth: f64,
+    /// Whether its path was broken off, so that it does not count.
+    pub is_broken_off: bool,
 }
 
 impl Default for Sample {
     fn default() -> Self {
-        Sample { radiance: Default::default(), albedo: Rgb::ZERO, normal: DVec3::ZERO, depth: f64::INFINITY }
+        Sample {
+            radiance: Default::default(),
+            albedo: Rgb::ZERO,
+            normal: DVec3::ZERO,
+            depth: f64::INFINITY,
+            is_broken_off: false,
+        }
     }
 }

@@ -12,6 +12,7 @@ mod roulette;
 mod single;
 
 use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 pub(super) use claim::BRIGHTEST;
 pub use claim::Claim;
@@ -69,6 +70,8 @@ pub struct EyeSettings<'s> {
     pub whitted: bool,
     /// How wide what textures are taken over is at the camera, and how much wider for each unit of distance.
     pub spread: [f64; 2],
+    /// Whether to break off long paths, which are of no use then.
+    pub stop: &'s AtomicBool,
 }
 
 /// Who tells what light diffuse surfaces get that comes neither straight from a light nor as a caustic.
@@ -351,6 +354,11 @@ impl<'s> Traveller<'s> for Looking<'_, '_, 's> {
         self.escape(direction, luggage);
     }
 
+    fn breaks_off(&mut self) -> bool {
+        self.sample.is_broken_off |= self.eye.settings.stop.load(Ordering::Relaxed);
+        self.sample.is_broken_off
+    }
+
     fn stopped(&mut self) {
         self.context.tally.stopped += 1;
     }
@@ -624,6 +632,7 @@ radiance = 1
                 light_samples: 1,
                 whitted: false,
                 spread: [0.0; 2],
+                stop: &AtomicBool::new(false),
             };
             let eye = Eye::new(&scene, settings);
             let (mut queue, mut parts, mut tally) = (Queue::default(), Parts::new(), Tally::default());
