@@ -388,7 +388,7 @@ impl<'s> Traveller<'s> for Leaving<'s, '_> {
     fn segment(&mut self, segment: &Segment<'_>, luggage: &mut Luggage<()>, _: &mut Parts<'s, ()>) -> ControlFlow<f64> {
         let medium = &self.scene.media[segment.medium as usize];
         let (range, mut tally) = ((segment.a, segment.b), Tally::default());
-        fly(medium, segment.ray, range, &mut luggage.weight, self.stream, &mut tally, |_, _| {})
+        fly(medium, segment.ray, range, &mut luggage.weight, self.stream, &mut tally, |_, _, _| {})
             .map_or(ControlFlow::Continue(()), ControlFlow::Break)
     }
 

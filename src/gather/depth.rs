@@ -137,23 +137,12 @@ impl DepthTable {
         c0 + x * (c1 + x * (c2 + x * c3))
     }
 
-    /// D(t) in the lanes of `bits`, to a few roundings; anything in the others.
+    /// D(t) in the lanes of `bits`, to a few roundings, and the density D′(t), never negative; anything in the others.
+    /// Photons of one block are neighbours: most share a piece.
     #[inline(always)]
-    pub(super) fn depths<L: Lanes>(&self, t: L, bits: u16) -> L {
-        self.look_up::<L, false>(t, bits)
-    }
-
-    /// The density D′(t) in the lanes of `bits`, never negative; anything in the others.
-    #[inline(always)]
-    pub(super) fn densities<L: Lanes>(&self, t: L, bits: u16) -> L {
-        self.look_up::<L, true>(t, bits)
-    }
-
-    /// D(t), or its `SLOPE`. Photons of one block are neighbours: most share a piece.
-    #[inline(always)]
-    fn look_up<L: Lanes, const SLOPE: bool>(&self, t: L, bits: u16) -> L {
-        let mut values = L::splat(0.0);
-        let Some(first) = self.rounded.first() else { return values };
+    pub(super) fn look_up<L: Lanes>(&self, t: L, bits: u16) -> [L; 2] {
+        let [mut depths, mut densities] = [L::splat(0.0); 2];
+        let Some(first) = self.rounded.first() else { return [depths, densities] };
         let per_length = self.buckets_per_length as f32;
         let mut row = Row([0.0; LANES]);
         t.store(&mut row);
@@ -171,17 +160,14 @@ impl DepthTable {
             let inside = L::bits(L::and(start.less_equal(t), t.less(end))) | 1 << lane;
             let [c0, c1, c2, c3] = piece.coefficients;
             let x = t.sub(start).max(L::splat(0.0));
-            let value = if SLOPE {
-                let slope = x.mul_add(x.mul_add(L::splat(3.0 * c3), L::splat(2.0 * c2)), L::splat(c1));
-                slope.max(L::splat(0.0))
-            } else {
-                let slope = x.mul_add(L::splat(c3), L::splat(c2)).mul_add(x, L::splat(c1));
-                slope.mul_add(x, L::splat(c0))
-            };
-            values = value.select(L::mask(inside), values);
+            let slope = x.mul_add(L::splat(c3), L::splat(c2)).mul_add(x, L::splat(c1));
+            let density = x.mul_add(x.mul_add(L::splat(3.0 * c3), L::splat(2.0 * c2)), L::splat(c1));
+            let inside_lanes = L::mask(inside);
+            depths = slope.mul_add(x, L::splat(c0)).select(inside_lanes, depths);
+            densities = density.max(L::splat(0.0)).select(inside_lanes, densities);
             left &= !inside;
         }
-        values
+        [depths, densities]
     }
 
     /// The piece to start looking from in a bucket, or in the last one.

@@ -257,10 +257,14 @@ impl PointMaps {
         let memory = &mut marching.memories[region];
         let phase = &self.phases[segment.medium as usize];
         let mut source = |t: f64, _: &mut Stream| {
-            let query =
-                PointQuery { position: ray.at(t), direction: ray.direction, phase, max_events: segment.max_events };
+            let position = ray.at(t);
+            let density = if map.fluence { medium.density.at(position) } else { 1.0 };
+            if density <= 0.0 {
+                return [Rgb::ZERO; 2];
+            }
+            let query = PointQuery { position, direction: ray.direction, phase, max_events: segment.max_events };
             let (total, single) = map.gather(&query, walls, memory, stats).rgb();
-            [total, single]
+            [total * density, single * density]
         };
         let marcher = &self.marchers[segment.medium as usize];
         let line = (&ray, a, first, last);

@@ -109,16 +109,20 @@ impl SampledDepths {
         Samples { first, start: start as u32, count: (self.values.len() - start) as u32 }
     }
 
-    /// A ray's sampled depths as a table of lengths from the ray's parameter `a`, for a query of its own.
-    pub(super) fn tabulate(&self, samples: Samples, step: f64, a: f64, table: &mut DepthTable) {
-        let values = self.values(samples);
-        let value = |index: usize| f64::from(values[index.min(values.len() - 1)]);
+    /// The sampled depths of a ray, whose segment is from `a` to `b`, as a table of lengths from `a`, for a query of its own.
+    pub(super) fn tabulate(&self, samples: Samples, step: f64, (a, b): (f64, f64), table: &mut DepthTable) {
+        let values = Values::new(self, samples, step, (a, b));
+        let [starts, stops] = values.ends;
+        let last = values.values.len() as i64 - 1;
         table.clear();
-        for index in 0..values.len() {
-            let t = (samples.first + index as i64) as f64 * step - a;
-            let before = index.saturating_sub(1);
-            let slope = (value(index + 1) - value(before)) / ((index + 1 - before) as f64 * step);
-            table.push(t, value(index), slope);
+        for index in 0..=last {
+            // What is sampled of a segment's first and last step is only a part of it.
+            let t = match index {
+                0 if starts => 0.0,
+                _ if index == last && stops => b - a,
+                _ => (samples.first + index) as f64 * step - a,
+            };
+            table.push(t, f64::from(values.at(index)), f64::from(values.growth(index)) / (2.0 * step));
         }
         table.finish();
     }
@@ -152,10 +156,54 @@ impl SampledDepths {
     }
 }
 
-/// A ray of a group: its samples, and where in the group's frame its parameter is 0.
+/// The samples of a ray.
+struct Values<'a> {
+    values: &'a [f32],
+    /// Whether its segment begins on the first step, and ends on the last: of these, only a part is sampled.
+    ends: [bool; 2],
+    /// The steps that are sampled.
+    steps: f64,
+}
+
+impl<'a> Values<'a> {
+    /// Of a ray whose segment is from `a` to `b`.
+    fn new(depths: &'a SampledDepths, samples: Samples, step: f64, (a, b): (f64, f64)) -> Self {
+        let values = depths.values(samples);
+        let last = values.len() as i64 - 1;
+        let ends = [(a / step).floor() == samples.first as f64, (b / step).ceil() == (samples.first + last) as f64];
+        let steps = if ends == [true; 2] { ((b - a) / step).max(1e-6) } else { last as f64 };
+        Values { values, ends, steps }
+    }
+
+    /// The depth at a sample; beyond, that of the first or the last.
+    fn at(&self, index: i64) -> f32 {
+        self.values[index.clamp(0, self.values.len() as i64 - 1) as usize]
+    }
+
+    /// By how much the depth grows from the sample before this to the one after it; around steps that are cut, twice by as much as
+    /// on the nearest whole one.
+    fn growth(&self, index: i64) -> f32 {
+        let last = self.values.len() as i64 - 1;
+        let (first_whole, last_whole) = (i64::from(self.ends[0]), last - i64::from(self.ends[1]));
+        if first_whole < last_whole {
+            let step = |index: i64| {
+                let before = if self.ends[0] { index.max(first_whole) } else { index };
+                let before = if self.ends[1] { before.min(last_whole - 1) } else { before };
+                self.at(before + 1) - self.at(before)
+            };
+            step(index - 1) + step(index)
+        } else {
+            // Too short to tell more than its mean.
+            2.0 * (self.at(last) - self.at(0)) / self.steps as f32
+        }
+    }
+}
+
+/// A ray of a group: its samples, where in the group's frame its parameter is 0, and from where to where its segment is.
 pub(super) struct Sampled {
     pub samples: Samples,
     pub origin: f64,
+    pub range: (f64, f64),
 }
 
 /// Transmittance of up to four vectors of rays, at evenly spaced z, by channel; linear between.
@@ -172,14 +220,14 @@ pub(super) struct TransmittanceTable {
 
 impl TransmittanceTable {
     /// Of rays that begin at z = `start` or after, sampled every `step`; `exponents` are −σ log₂e. One row a knot if
-    /// they are equal. What it was of is forgotten, and its memory used. `None` if that takes too many knots.
+    /// they are equal. Times the density with `fluence`. What it was of is forgotten, and its memory used. `None` if that takes too many knots.
     pub(super) fn set(
         &mut self,
         depths: &SampledDepths,
         step: f64,
         rays: impl Iterator<Item = Sampled>,
         start: f64,
-        exponents: [f32; 3],
+        (exponents, fluence): ([f32; 3], bool),
         isa: Isa,
     ) -> Option<()> {
         let mut knots = 2.0f64;
@@ -189,7 +237,7 @@ impl TransmittanceTable {
             // The last two lie where the depths of all rays are whole.
             let enough = (f64::from(ray.samples.count) - offset).ceil() + 1.0;
             knots = knots.max(if offset <= FARTHEST { enough } else { f64::INFINITY });
-            let values = depths.values(ray.samples);
+            let values = Values::new(depths, ray.samples, step, ray.range);
             Along { values, whole: offset.floor() as i64, part: (offset - offset.floor()) as f32 }
         };
         let rays: SmallVec<[Along<'_>; GROUP]> = rays.map(along).collect();
@@ -202,7 +250,8 @@ impl TransmittanceTable {
         self.knots = knots;
         (self.start, self.per_step) = (start as f32, (1.0 / step) as f32);
         self.rows.resize(rays.len().div_ceil(LANES) * knots * self.channels, Row([0.0; LANES]));
-        isa.run(Fill { table: self, rays: &rays, exponents });
+        let per_sample = fluence.then(|| (0.5 / step) as f32);
+        isa.run(Fill { table: self, rays: &rays, exponents, per_sample });
         Some(())
     }
 
@@ -236,7 +285,7 @@ impl TransmittanceTable {
 
 /// The depths of a ray, and where among them knot 0 of a table falls: so many samples and a part of one later.
 struct Along<'a> {
-    values: &'a [f32],
+    values: Values<'a>,
     whole: i64,
     part: f32,
 }
@@ -244,21 +293,39 @@ struct Along<'a> {
 impl Along<'_> {
     /// The depths at as many knots as there are lanes, from this one on.
     #[inline(always)]
-    fn at<L: Lanes>(&self, knot: usize) -> L {
-        let first = self.whole + knot as i64;
-        let [before, after] = match usize::try_from(first).ok().and_then(|first| self.values.get(first..)) {
+    fn at<L: Lanes>(&self, knot: i64) -> L {
+        let first = self.whole + knot;
+        let values = self.values.values;
+        let [before, after] = match usize::try_from(first).ok().and_then(|first| values.get(first..)) {
             Some(values) if values.len() > LANES => [L::load_front(values), L::load_front(&values[1..])],
             _ => {
                 let mut rows = [Row([0.0; LANES]); 2];
                 for (later, row) in rows.iter_mut().enumerate() {
                     for (lane, value) in row.0.iter_mut().enumerate() {
-                        let place = (first + (later + lane) as i64).clamp(0, self.values.len() as i64 - 1);
-                        *value = self.values[place as usize];
+                        *value = self.values.at(first + (later + lane) as i64);
                     }
                 }
                 [L::load(&rows[0]), L::load(&rows[1])]
             }
         };
+        after.sub(before).mul_add(L::splat(self.part), before)
+    }
+
+    /// By how much the depth grows over the two steps around each of as many knots.
+    #[inline(always)]
+    fn growth<L: Lanes>(&self, knot: i64) -> L {
+        const MORE: i64 = LANES as i64 + 3;
+        let first = self.whole + knot;
+        if 2 <= first && first + MORE <= self.values.values.len() as i64 {
+            return self.at::<L>(knot + 1).sub(self.at(knot - 1));
+        }
+        let mut rows = [Row([0.0; LANES]); 2];
+        for (later, row) in rows.iter_mut().enumerate() {
+            for (lane, value) in row.0.iter_mut().enumerate() {
+                *value = self.values.growth(first + (later + lane) as i64);
+            }
+        }
+        let [before, after] = [L::load(&rows[0]), L::load(&rows[1])];
         after.sub(before).mul_add(L::splat(self.part), before)
     }
 }
@@ -268,6 +335,8 @@ struct Fill<'a> {
     table: &'a mut TransmittanceTable,
     rays: &'a [Along<'a>],
     exponents: [f32; 3],
+    /// Half of the knots in a length, if transmittance is to be multiplied by the density.
+    per_sample: Option<f32>,
 }
 
 impl Task for Fill<'_> {
@@ -275,13 +344,18 @@ impl Task for Fill<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        let Fill { table, rays, exponents } = self;
+        let Fill { table, rays, exponents, per_sample } = self;
         let TransmittanceTable { rows, channels, knots, .. } = table;
         for (rays, rows) in rays.chunks(LANES).zip(rows.chunks_exact_mut(*knots * *channels)) {
-            let mut by_ray = [Row([0.0; LANES]); LANES];
-            for (first, rows) in (0..).step_by(LANES).zip(rows.chunks_mut(LANES * *channels)) {
+            let [mut by_ray, mut densities] = [[Row([0.0; LANES]); LANES]; 2];
+            for (first, rows) in (0i64..).step_by(LANES).zip(rows.chunks_mut(LANES * *channels)) {
                 for (ray, depths) in rays.iter().zip(&mut by_ray) {
                     ray.at::<L>(first).store(depths);
+                }
+                if let Some(per_sample) = per_sample {
+                    for (ray, densities) in rays.iter().zip(&mut densities) {
+                        ray.growth::<L>(first).mul(L::splat(per_sample)).store(densities);
+                    }
                 }
                 for (knot, rows) in rows.chunks_exact_mut(*channels).enumerate() {
                     let mut depths = Row([0.0; LANES]);
@@ -289,8 +363,16 @@ impl Task for Fill<'_> {
                         depths.0[lane] = by_ray[lane].0[knot];
                     }
                     let depths = L::load(&depths);
+                    let mut density = L::splat(1.0);
+                    if per_sample.is_some() {
+                        let mut row = Row([0.0; LANES]);
+                        for lane in 0..LANES {
+                            row.0[lane] = densities[lane].0[knot];
+                        }
+                        density = L::load(&row);
+                    }
                     for (row, exponent) in rows.iter_mut().zip(exponents) {
-                        depths.mul(L::splat(exponent)).exp2().store(row);
+                        depths.mul(L::splat(exponent)).exp2().mul(density).store(row);
                     }
                 }
             }

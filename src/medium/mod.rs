@@ -12,7 +12,7 @@ pub mod presets;
 
 use crate::math::{DVec3, Rgb};
 use black_body::BlackBody;
-use density::{Density, Grid};
+use density::{Coarse, Density, Grid};
 use phase::Phase;
 
 /// A participating medium.
@@ -56,6 +56,11 @@ impl Medium {
     /// Whether it scatters at all.
     pub fn scatters(&self) -> bool {
         (self.extinction * self.albedo).max_element() > 0.0 && self.density.max() > 0.0
+    }
+
+    /// About how dense it is, if it scatters and is made of voxels.
+    pub fn uneven(&self) -> Option<&Coarse> {
+        self.density.voxels().filter(|_| self.scatters()).and_then(Grid::coarse)
     }
 
     /// Whether it neither absorbs, scatters nor glows.

@@ -46,12 +46,15 @@ pub struct PointSettings {
     pub normals: bool,
     /// Whether walls near a look-up correct it.
     pub boundaries: bool,
+    /// Whether photons count in proportion to the density at the point.
+    pub fluence: bool,
 }
 
 impl PointSettings {
     /// The constant profile, untagged, without normals, corrected at walls, radii as they are.
     pub fn new(ball: Ball) -> Self {
-        PointSettings { ball, profile: Profile::Constant, scale: 1.0, tagged: false, normals: false, boundaries: true }
+        let (tagged, normals, boundaries, fluence) = (false, false, true, false);
+        PointSettings { ball, profile: Profile::Constant, scale: 1.0, tagged, normals, boundaries, fluence }
     }
 }
 
@@ -127,6 +130,8 @@ pub struct PointMap {
     clearances: Vec<Clearance>,
     pub(crate) isa: Isa,
     pub(crate) profile: Profile,
+    /// Whether photons count in proportion to the density at the point.
+    pub(crate) fluence: bool,
     ball: Ball,
     scale: f32,
     /// The least and the largest radius of adaptive balls, before they are scaled.
@@ -254,6 +259,7 @@ impl PointMap {
             clearances: Vec::new(),
             isa: Isa::best(),
             profile: settings.profile,
+            fluence: settings.fluence,
             ball: settings.ball,
             scale: settings.scale.min(1.0),
             limits,

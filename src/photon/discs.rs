@@ -22,12 +22,14 @@ pub struct MapSettings {
     pub tagged: bool,
     /// Whether walls near a photon correct its contribution.
     pub boundaries: bool,
+    /// Whether photons count in proportion to the density where rays pass them.
+    pub fluence: bool,
 }
 
 impl MapSettings {
     /// The biweight, untagged, corrected at walls, radii as they are.
     pub fn new(radius: Radius) -> Self {
-        MapSettings { radius, profile: Profile::Biweight, scale: 1.0, tagged: false, boundaries: true }
+        MapSettings { radius, profile: Profile::Biweight, scale: 1.0, tagged: false, boundaries: true, fluence: false }
     }
 }
 
@@ -98,6 +100,8 @@ pub struct PhotonMap {
     pub(crate) densities: Vec<WallLayer>,
     /// Whether walks test boxes rather than spheres.
     pub(crate) boxes: bool,
+    /// Whether photons count in proportion to the density where rays pass them.
+    pub(crate) fluence: bool,
     pub(crate) isa: Isa,
     pub(crate) profile: Profile,
     /// [`Profile::polynomial`].
@@ -166,6 +170,7 @@ impl PhotonMap {
         let size = extent.block_sizes / blocks.len().max(1) as f64;
         PhotonMap {
             boxes: f64::from(summary.mean) < BOXES_BELOW * size,
+            fluence: settings.fluence,
             isa,
             profile: settings.profile,
             shape: settings.profile.polynomial(),

@@ -12,7 +12,8 @@ use crate::transport::Tally;
 /// What a photon pass found.
 #[derive(Debug, Default)]
 pub struct Traced {
-    /// The photons by region, powers divided by the number of emitted photons, times the albedo.
+    /// The photons by region, powers divided by the number of emitted photons, times the albedo; in a medium of uneven density
+    /// what it scatters, by volume, where the density is 1.
     pub regions: Vec<Vec<Photon>>,
     /// Photons emitted.
     pub emitted: u64,
@@ -93,6 +94,7 @@ pub fn trace(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::{Ray, Rgb, Stream, sampling};
     use crate::photon::Emission;
     use crate::scene;
     use crate::scene::description::SingleScattering;
@@ -139,6 +141,49 @@ mod tests {
             let (traced, found) = stored(&fog(sigma, lamp), SingleScattering::Photons);
             assert_eq!(traced.forced, forced, "{what}");
             assert!((found / expected - 1.0).abs() < 0.01, "{what}: {found}, not {expected}");
+        }
+    }
+
+    /// Photons along flights through uneven matter bring to every part of it, times its density, what is scattered there of a
+    /// lamp's light: in every channel, and however thin it is.
+    #[test]
+    fn photons_along_flights_tell_what_is_scattered() {
+        for (sigma, forced) in [(6.0, false), (6e-3, true)] {
+            let text = format!(
+                "[camera]\nposition = [0, 0, 9]\ntarget = [0, 0, 0]\n[media.cloud]\nsigma_t = [{sigma}, {}, {}]\n\
+                 albedo = [0.9, 0.5, 0.7]\ndensity = {{ type = \"noise\", octaves = 2, threshold = 0.4 }}\n\
+                 [[shapes]]\ntype = \"sphere\"\ncenter = [0, 0, 0]\nradius = 1.5\ninterior = \"cloud\"\n\
+                 [[lights]]\ntype = \"point\"\nposition = [0, 0, 0]\nintensity = 2\n",
+                0.2 * sigma,
+                1.4 * sigma
+            );
+            let (traced, _) = stored(&text, SingleScattering::Photons);
+            assert_eq!(traced.forced, forced);
+            let (scene, _) = scene::from_text(&text);
+            let medium = &scene.media[0];
+            // Of directions spread evenly, what collides in two shells.
+            let middle = scene.geometry.all_bounds().center();
+            let mut expected = [Rgb::ZERO; 2];
+            let directions = 40_000;
+            let mut stream = Stream::new(43, Purpose::Test, 0, 0);
+            for _ in 0..directions {
+                let ray = Ray::new(middle, sampling::sphere(stream.uniform2()));
+                let passed = [0.0, 0.8, 1.5].map(|t| medium.transmittance(medium.density.depth(&ray, 0.0, t)));
+                for (shell, expected) in expected.iter_mut().enumerate() {
+                    *expected +=
+                        (passed[shell] - passed[shell + 1]) * medium.albedo * (8.0 * PI / f64::from(directions));
+                }
+            }
+            let mut found = [Rgb::ZERO; 2];
+            for photon in traced.regions.iter().flatten().filter(|photon| photon.events == 0) {
+                let p = photon.position.as_dvec3();
+                let shell = usize::from(p.distance(middle) > 0.8);
+                found[shell] += Rgb::from(photon.power.as_dvec3()) * medium.density.at(p);
+            }
+            for (found, expected) in found.into_iter().zip(expected) {
+                let off = (found / expected).map(|ratio| (ratio - 1.0).abs()).max_element();
+                assert!(off < 0.02, "{sigma}: {found}, not {expected}");
+            }
         }
     }
 

@@ -9,8 +9,9 @@
 //!    surfaces around them.
 //! 3. *Evened out*, where media are deep: sources are drawn so that photons enter with about the same power, and those that differ
 //!    are split or left to roulette.
-//! 4. *Forced*, where hardly any collides even so: first collisions are no matter of chance.
-//! 5. *Counted*: longer pilots, as long as too few photons tell the yield.
+//! 4. *Dense along flights*, where media are uneven, and flights leave few photons in them.
+//! 5. *Forced*, where hardly any collides even so: first collisions are no matter of chance.
+//! 6. *Counted*: longer pilots, as long as too few photons tell the yield.
 //!
 //! Where photons are to be emitted as lights shine, none are aimed, and sources are not evened out.
 
@@ -34,6 +35,11 @@ const MOST_MORE: f64 = 8.0;
 const MOST_COLLISIONS: f64 = 32.0;
 /// An emission costs about as much as so many collisions.
 const EMISSION: f64 = 8.0;
+
+/// Where emissions leave fewer photons than this along flights through uneven media, these leave more,
+const SPARSE: f64 = 0.5;
+/// but no more than so many times as many as collide.
+const MOST_ALONG: f64 = 1e4;
 
 /// What a pilot's emissions came to.
 #[derive(Clone, Copy, Debug)]
@@ -69,9 +75,9 @@ pub(super) fn prepare(tracer: &mut Tracer<'_>, stop: &(impl Fn() -> bool + Sync)
     let aims = tracer.pass.emission.aims;
     if aims && found.collided < SELDOM {
         tracer.sources.aim();
-        let chunks = run(tracer, few);
-        let photons = chunks.iter().flat_map(|chunk| &chunk.volume.photons);
-        tracer.typical = median(photons.map(|(_, photon)| f64::from(photon.power.element_sum())).collect());
+        tracer.quota.notes = true;
+        tracer.typical = median(run(tracer, few).into_iter().flat_map(|chunk| chunk.volume.powers).collect());
+        tracer.quota.notes = false;
         found = count(tracer, few);
     }
 
@@ -93,6 +99,18 @@ pub(super) fn prepare(tracer: &mut Tracer<'_>, stop: &(impl Fn() -> bool + Sync)
         found = count(tracer, few);
     }
 
+    // Dense along flights.
+    let asked = tracer.pass.single_scattering.asks_lights();
+    while tracer.quota.all_are_uneven() && !asked && !stop() {
+        let share = found.stored.max(1) as f64 / found.emitted as f64;
+        let rate = tracer.quota.rate / share;
+        if share > SPARSE || rate > MOST_ALONG {
+            break;
+        }
+        tracer.quota.rate = rate;
+        found = count(tracer, few);
+    }
+
     // Forced.
     if found.collided < RARE {
         tracer.forced = true;
@@ -106,7 +124,7 @@ pub(super) fn prepare(tracer: &mut Tracer<'_>, stop: &(impl Fn() -> bool + Sync)
     }
 
     // Counted: what is left to shadow rays may be nearly all.
-    if tracer.pass.single_scattering.asks_lights() {
+    if asked {
         for emitted in PILOTS {
             if found.stored < TELLING && emitted > found.emitted && !stop() {
                 found = count(tracer, emitted);

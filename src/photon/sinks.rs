@@ -2,11 +2,12 @@
 
 use super::history::{History, Since};
 use super::{PackedNormal, Photon};
-use crate::math::{DVec3, Rgb, Stream};
+use crate::math::{DVec3, Rgb, Stream, Vec3};
 use crate::medium::Medium;
+use crate::medium::density::Coarse;
 use crate::scene::Scene;
 use crate::scene::description::{Projection, SingleScattering};
-use crate::transport::Collision;
+use crate::transport::{Collision, Segment};
 
 /// Scenes less thick than this many mean free paths need all their photons.
 const THICK: f64 = 16.0;
@@ -26,8 +27,14 @@ pub(super) struct VolumeQuota<'s> {
     single_scattering: SingleScattering,
     /// By medium, the extinction that tells how deep a length is; `None` where all photons are kept.
     deep: Vec<Option<f64>>,
+    /// By medium, about how dense it is where photons lie along flights, not at collisions.
+    uneven: Vec<Option<&'s Coarse>>,
     /// The share of photons that are kept.
     pub keep: f64,
+    /// How many lie along flights for each collision.
+    pub rate: f64,
+    /// Whether photons' powers are noted.
+    pub notes: bool,
 }
 
 impl<'s> VolumeQuota<'s> {
@@ -38,7 +45,15 @@ impl<'s> VolumeQuota<'s> {
             let extinction = medium.extinction.min_element();
             (medium.density.is_even() && extinction * extent > THICK).then_some(extinction)
         };
-        VolumeQuota { scene, single_scattering, deep: scene.media.iter().map(deep).collect(), keep: 1.0 }
+        VolumeQuota {
+            scene,
+            single_scattering,
+            deep: scene.media.iter().map(deep).collect(),
+            uneven: (0..scene.media.len()).map(|medium| scene.uneven(medium as u32)).collect(),
+            keep: 1.0,
+            rate: 1.0,
+            notes: false,
+        }
     }
 
     /// Whether a medium is of one density, and many mean free paths thick.
@@ -49,6 +64,17 @@ impl<'s> VolumeQuota<'s> {
     /// Whether any medium is.
     pub fn any_is_deep(&self) -> bool {
         self.deep.iter().any(Option::is_some)
+    }
+
+    /// Whether photons in a medium lie along flights, not at collisions.
+    pub fn is_uneven(&self, medium: u32) -> bool {
+        self.uneven[medium as usize].is_some()
+    }
+
+    /// Whether they do in all media that scatter.
+    pub fn all_are_uneven(&self) -> bool {
+        let mut media = self.uneven.iter().zip(&self.scene.media);
+        media.all(|(uneven, medium)| uneven.is_some() || !medium.scatters())
     }
 
     /// Whether the map wants light that came so: not if lights are asked for it.
@@ -80,11 +106,13 @@ impl<'s> VolumeQuota<'s> {
     }
 }
 
-/// The photons that collisions leave for the volume map.
+/// The photons that collisions and flights leave for the volume map.
 #[derive(Debug, Default)]
 pub(super) struct VolumeSink {
     /// With the region that each lies in.
     pub photons: Vec<(u32, Photon)>,
+    /// What is scattered of the light that left them, in all channels together, while that is noted.
+    pub powers: Vec<f64>,
     /// For so many collisions near surfaces the distance to these is not asked for.
     unasked: u32,
 }
@@ -130,9 +158,59 @@ impl VolumeSink {
                 events: events.min(255) as u8,
                 normal: PackedNormal::default(),
             };
-            self.photons.push((quota.scene.region(at.inside), photon));
+            self.push(quota, quota.scene.region(at.inside), photon, photon.power);
         }
         clearance
+    }
+
+    /// Stores photons along a flight through a medium of uneven density, which ends at `end`, if the map wants them: `power`
+    /// is what comes to a place on it.
+    ///
+    /// Power Φ that passes over a length adds as much to the fluence there, whether it collides or not: points at a rate λ per
+    /// length, with Φ/λ each, add up to the fluence in a volume (a track-length estimate; Spanier 1966). They are stored with
+    /// σ_s Φ/λ, where σ_s is that of density 1, and count ρ times on rays that pass where the density is ρ. So fluence is what
+    /// they blur, and light is scattered only where there is matter. The rate is the extinction of the [`Coarse`] density: about
+    /// as many as collide, and none by its density counts far more than others.
+    pub fn deposit_along(
+        &mut self,
+        quota: &VolumeQuota<'_>,
+        (flight, end): (&Segment<'_>, f64),
+        (events, history): (u64, History),
+        power: impl Fn(f64) -> Rgb,
+        stream: &mut Stream,
+    ) {
+        let Some(coarse) = quota.uneven[flight.medium as usize].filter(|_| quota.wants(history)) else { return };
+        let medium = &quota.scene.media[flight.medium as usize];
+        let region = quota.scene.region(flight.inside);
+        let most = quota.rate * quota.keep * medium.extinction.max_element();
+        let mut next = stream.exponential();
+        coarse.pieces(flight.ray, (flight.a, end), |from, to, density| {
+            let rate = most * density;
+            let mut t = from;
+            while t + next / rate < to {
+                t += next / rate;
+                next = stream.exponential();
+                let scattered = power(t) * medium.albedo;
+                let photon = Photon {
+                    position: flight.ray.at(t).as_vec3(),
+                    direction: flight.ray.direction.as_vec3(),
+                    power: (scattered * medium.extinction / rate).as_vec3(),
+                    events: events.min(255) as u8,
+                    normal: PackedNormal::default(),
+                };
+                if photon.power.max_element() > 0.0 {
+                    self.push(quota, region, photon, scattered.as_vec3());
+                }
+            }
+            next -= (to - t) * rate;
+        });
+    }
+
+    fn push(&mut self, quota: &VolumeQuota<'_>, region: u32, photon: Photon, scattered: Vec3) {
+        if quota.notes {
+            self.powers.push(f64::from(scattered.element_sum()));
+        }
+        self.photons.push((region, photon));
     }
 
     /// Begins another photon.

@@ -1,4 +1,5 @@
-//! Photons on their way: they leave the lights, travel, and are deposited where they collide with a medium that scatters.
+//! Photons on their way: they leave the lights, travel, and are deposited where they collide with a medium that scatters, or,
+//! where its density is uneven, along their flights.
 
 use std::ops::{ControlFlow, Range};
 
@@ -92,6 +93,8 @@ pub(super) struct Chunk {
     /// Sources and powers of photons that enter deep media, while these are noted.
     pub entering: Vec<(u32, f64)>,
     pub tally: Tally,
+    /// Room for the places on a flight where a weight changed, and the weights until there.
+    steps: Vec<(f64, Rgb)>,
 }
 
 /// Traces a range of emissions in parallel, a chunk at a time, in their order: `emit` adds one to its chunk, with room that it may
@@ -293,6 +296,11 @@ impl<'s> Traveller<'s> for Flying<'_, 's> {
         if luggage.own.forced {
             let force = |stream: &mut Stream| transport::force(medium, segment.ray, range, luggage.weight, stream);
             let forced = self.stream.draw(Dimension::Flight, force);
+            if self.tracer.quota.is_uneven(segment.medium) {
+                let depth = |t| medium.density.depth(segment.ray, segment.a, t);
+                let arriving = luggage.weight;
+                self.deposit_along((segment, segment.b), luggage, |t| arriving * medium.transmittance(depth(t)));
+            }
             luggage.weight *= forced.passed;
             if let Some((t, weight)) = forced.collision {
                 let luggage = luggage.part(weight, Remembered { forced: false, ..luggage.own });
@@ -303,6 +311,9 @@ impl<'s> Traveller<'s> for Flying<'_, 's> {
         }
 
         // A collision by chance.
+        if self.tracer.quota.is_uneven(segment.medium) {
+            return self.fly(segment, luggage);
+        }
         let weight = &mut luggage.weight;
         let collision =
             luggage.own.ahead.collide(medium, segment.ray, range, weight, self.stream, &mut self.chunk.tally);
@@ -406,13 +417,50 @@ impl<'s> Flying<'_, 's> {
         true
     }
 
-    /// Leaves a photon where it collides, and scatters.
+    /// Flies through a medium of uneven density, and leaves photons on the way.
+    fn fly(&mut self, segment: &Segment<'_>, luggage: &mut Luggage<Remembered>) -> ControlFlow<f64> {
+        let medium = &self.tracer.scene.media[segment.medium as usize];
+        let grey = medium.extinction == Rgb::splat(medium.extinction.x);
+        // Where it might have collided its weight has changed.
+        let mut steps = std::mem::take(&mut self.chunk.steps);
+        steps.clear();
+        let (range, weight, tally) = ((segment.a, segment.b), &mut luggage.weight, &mut self.chunk.tally);
+        let collision = self.stream.draw(Dimension::Flight, |stream| {
+            transport::fly(medium, segment.ray, range, weight, stream, tally, |t, weight, _| {
+                if !grey {
+                    steps.push((t, weight));
+                }
+            })
+        });
+        let last = luggage.weight;
+        let weight = |t| steps.get(steps.partition_point(|(end, _)| *end < t)).map_or(last, |(_, weight)| *weight);
+        self.deposit_along((segment, collision.unwrap_or(segment.b)), luggage, weight);
+        self.chunk.steps = steps;
+        collision.map_or(ControlFlow::Continue(()), ControlFlow::Break)
+    }
+
+    /// Leaves photons along a flight, to which light comes with this weight.
+    fn deposit_along(
+        &mut self,
+        flight: (&Segment<'_>, f64),
+        luggage: &Luggage<Remembered>,
+        weight: impl Fn(f64) -> Rgb,
+    ) {
+        let history = (luggage.events, luggage.own.history);
+        self.chunk.volume.deposit_along(&self.tracer.quota, flight, history, weight, self.stream);
+    }
+
+    /// Leaves a photon where it collides in a medium of even density, and scatters.
     fn collide(&mut self, at: &Collision<'_>, luggage: &mut Luggage<Remembered>) -> Option<Heading> {
         self.collided = true;
         self.chunk.collisions += 1;
         let history = (luggage.events, luggage.own.history);
         let power = luggage.weight * at.medium.albedo;
-        let clearance = self.chunk.volume.deposit(&self.tracer.quota, at, history, power, self.stream);
+        let clearance = if self.tracer.quota.is_uneven(at.index) {
+            None
+        } else {
+            self.chunk.volume.deposit(&self.tracer.quota, at, history, power, self.stream)
+        };
         let onward = Vertex::Medium(at).onward(Side::Light, None, &mut luggage.weight, self.stream, survive)?;
         luggage.own.history = luggage.own.history.after(Event::Scattered, &Vertex::Medium(at));
         Some(Heading { direction: onward.direction, clearance })

@@ -182,19 +182,21 @@ fn shadows(
 }
 
 fn beam_maps(scene: &Scene, plan: &Plan, scale: f32, extinctions: &[f64], regions: Vec<Vec<Photon>>) -> VolumeMaps {
-    let build = |(photons, extinction): (Vec<Photon>, &f64)| {
+    let build = |(region, (photons, extinction)): (u32, (Vec<Photon>, &f64))| {
+        let fluence = tells_fluence(scene, region);
         let settings =
-            MapSettings { tagged: plan.tagged, scale, profile: plan.profile, ..MapSettings::new(plan.radius) };
+            MapSettings { tagged: plan.tagged, scale, profile: plan.profile, fluence, ..MapSettings::new(plan.radius) };
         let near = |position, radius, mean, planes: &mut _| {
             walls::of_disc(scene, *extinction as f32, (position, radius, mean), planes);
         };
         (!photons.is_empty()).then(|| PhotonMap::build(photons, &settings, &near))
     };
-    let mut maps: Vec<Option<PhotonMap>> = regions.into_iter().zip(extinctions).map(build).collect();
+    let mut maps: Vec<Option<PhotonMap>> = (0..).zip(regions.into_iter().zip(extinctions)).map(build).collect();
     for (region, map) in (0..).zip(&mut maps) {
-        // Maps without leaning discs are for bundles, which spread light evenly.
+        // Maps without leaning discs are for bundles, which spread collisions evenly.
         if let (Some(map), Some(density)) = (map, uneven_density(scene, region))
             && map.leans()
+            && !tells_fluence(scene, region)
         {
             map.follow_density(&|p| density.at(p));
         }
@@ -210,18 +212,28 @@ fn uneven_density(scene: &Scene, region: u32) -> Option<&Density> {
     (density.voxels().is_some() && media.all(|medium| medium == Some(first))).then_some(density)
 }
 
+/// Whether photons of a region tell the fluence, and not where they collide.
+fn tells_fluence(scene: &Scene, region: u32) -> bool {
+    medium_index(scene, region).is_some_and(|medium| scene.uneven(medium).is_some())
+}
+
 fn point_maps(scene: &Scene, points: &Points, scale: f32, regions: Vec<Vec<Photon>>) -> PointMaps {
-    let settings = PointSettings { scale, ..points.settings };
     let clearance = |position, limit| walls::clearance(scene, position, limit);
-    let build = |photons: Vec<Photon>| (!photons.is_empty()).then(|| PointMap::build(photons, &settings, &clearance));
-    PointMaps::new(regions.into_iter().map(build).collect(), &scene.media, points.marchers.clone())
+    let build = |(region, photons): (u32, Vec<Photon>)| {
+        let settings = PointSettings { scale, fluence: tells_fluence(scene, region), ..points.settings };
+        (!photons.is_empty()).then(|| PointMap::build(photons, &settings, &clearance))
+    };
+    PointMaps::new((0..).zip(regions).map(build).collect(), &scene.media, points.marchers.clone())
 }
 
 /// The medium of a region.
 pub(super) fn medium_of(scene: &Scene, region: u32) -> Option<&Medium> {
+    medium_index(scene, region).map(|medium| &scene.media[medium as usize])
+}
+
+fn medium_index(scene: &Scene, region: u32) -> Option<u32> {
     let solid = scene.solids.iter().find(|solid| solid.region == region);
-    let medium = solid.map_or(scene.world, |solid| solid.medium)?;
-    Some(&scene.media[medium as usize])
+    solid.map_or(scene.world, |solid| solid.medium)
 }
 
 /// Of each region, by [`mean_extinction`].
@@ -237,9 +249,16 @@ fn mean_extinction(scene: &Scene, region: u32, photons: &[Photon]) -> f64 {
     } else {
         // A few thousand tell enough.
         let step = photons.len().div_ceil(4096);
-        let some: Vec<f64> =
-            photons.iter().step_by(step).map(|photon| medium.density.at(photon.position.as_dvec3())).collect();
-        some.iter().sum::<f64>() / some.len() as f64
+        let some = photons.iter().step_by(step).map(|photon| medium.density.at(photon.position.as_dvec3()));
+        if tells_fluence(scene, region) {
+            // Where photons count.
+            let [sum, squares] =
+                some.fold([0.0; 2], |[sum, squares], density| [sum + density, squares + density * density]);
+            if sum > 0.0 { squares / sum } else { 0.0 }
+        } else {
+            let count = photons.len().div_ceil(step);
+            some.sum::<f64>() / count as f64
+        }
     };
     medium.extinction.max_element() * density
 }

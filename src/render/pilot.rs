@@ -64,7 +64,7 @@ impl<'s> Traveller<'s> for Wanderer<'s, '_> {
     fn segment(&mut self, segment: &Segment<'_>, luggage: &mut Luggage<()>, _: &mut Parts<'s, ()>) -> ControlFlow<f64> {
         let medium = &self.scene.media[segment.medium as usize];
         let (range, mut tally) = ((segment.a, segment.b), Tally::default());
-        let collision = fly(medium, segment.ray, range, &mut luggage.weight, self.stream, &mut tally, |_, _| {});
+        let collision = fly(medium, segment.ray, range, &mut luggage.weight, self.stream, &mut tally, |_, _, _| {});
         collision.map_or(ControlFlow::Continue(()), ControlFlow::Break)
     }
 

@@ -33,7 +33,9 @@ impl Ahead {
     ) -> Option<f64> {
         match self.0.take() {
             Some(target) => end(medium, ray, range, target, weight),
-            None => stream.draw(Dimension::Flight, |stream| fly(medium, ray, range, weight, stream, tally, |_, _| {})),
+            None => {
+                stream.draw(Dimension::Flight, |stream| fly(medium, ray, range, weight, stream, tally, |_, _, _| {}))
+            }
         }
     }
 }
@@ -100,8 +102,8 @@ pub fn end(medium: &Medium, ray: &Ray, (a, b): (f64, f64), target: f64, weight: 
 /// for a collision by σ_t,c e^{−τ_c} over its mean, for passing through by e^{−τ_c} over its mean, both over the
 /// channels by their present shares. The weight's sum stays the same.
 ///
-/// `emission` is called for what is emitted on the way: with a parameter, and the weight that the emitted
-/// radiance per length has there, in expectation over the whole flight.
+/// In voxels `tentative` is called at each place where it may collide: with the parameter, the weight it has come there with, and
+/// a length. That times the weight is what the radiance emitted per length counts, in expectation over the whole flight.
 #[inline]
 pub fn fly(
     medium: &Medium,
@@ -110,10 +112,10 @@ pub fn fly(
     weight: &mut Rgb,
     stream: &mut Stream,
     tally: &mut Tally,
-    emission: impl FnMut(f64, Rgb),
+    tentative: impl FnMut(f64, Rgb, f64),
 ) -> Option<f64> {
     match medium.density.voxels() {
-        Some(grid) => track(medium, grid, ray, range, weight, stream, tally, emission),
+        Some(grid) => track(medium, grid, ray, range, weight, stream, tally, tentative),
         None => {
             let target = draw(medium, *weight, stream);
             end(medium, ray, range, target, weight)
@@ -132,7 +134,7 @@ fn track(
     weight: &mut Rgb,
     stream: &mut Stream,
     tally: &mut Tally,
-    mut emission: impl FnMut(f64, Rgb),
+    mut tentative: impl FnMut(f64, Rgb, f64),
 ) -> Option<f64> {
     let sigma = medium.extinction;
     let largest = sigma.max_element();
@@ -141,7 +143,7 @@ fn track(
     let mut collides = |t: f64, density: f64, majorant: f64, stream: &mut Stream| {
         let extinction = sigma * density;
         let mu = majorant * largest;
-        emission(t, *weight * (density / mu));
+        tentative(t, *weight, density / mu);
         let real = ((shares(*weight) * extinction).element_sum() / mu).min(1.0);
         if stream.uniform() < real {
             *weight *= extinction / (mu * real);
@@ -392,7 +394,7 @@ mod tests {
                 let mut tally = Tally::default();
                 let histogram = Histogram::of(60_000, |stream| {
                     let mut weight = Rgb::new(1.0, 1.0, 1.0);
-                    let t = fly(&medium, &ray(), (0.0, FAR), &mut weight, stream, &mut tally, |_, _| {});
+                    let t = fly(&medium, &ray(), (0.0, FAR), &mut weight, stream, &mut tally, |_, _, _| {});
                     assert!((weight.element_sum() - 3.0).abs() < 1e-9, "{name}: the sum has drifted to {weight}");
                     vec![(t, weight)]
                 });
@@ -464,7 +466,7 @@ mod tests {
         for i in 0..1000 {
             let mut stream = Stream::new(9, Purpose::Test, i, 0);
             let mut weight = Rgb::ONE;
-            let t = fly(&medium, &ray(), (0.0, f64::INFINITY), &mut weight, &mut stream, &mut tally, |_, _| {});
+            let t = fly(&medium, &ray(), (0.0, f64::INFINITY), &mut weight, &mut stream, &mut tally, |_, _, _| {});
             assert!(weight.is_finite());
             match t {
                 Some(t) => assert!(t.is_finite() && weight.x == 0.0),

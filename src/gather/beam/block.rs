@@ -33,7 +33,7 @@ const LEAST_DENSITY: f32 = 0.25;
 /// The kernel is K₂(ρ/r) = K₂(0) · (c₀ + c₁q + c₂q²) with q = 1 − ρ²/r², and the block's power is K₂(0) P/r² already; of
 /// the phase function p, [`Evaluate::constant`] is left out. Beside walls the kernel is divided by the share of it that
 /// they leave, and where light follows the density, what a photon counts is multiplied by the density on the ray over its
-/// mean across the disc. A disc that leans on a wall is met at another t and another ρ, and counts 1/(ν·ω) times: see
+/// mean across the disc. Where photons tell the fluence, that density is a factor of T. A disc that leans on a wall is met at another t and another ρ, and counts 1/(ν·ω) times: see
 /// [`Leaning`]. Photons of more than `max_events` events do not count, and what hardly passes is left to chance by `pruning`.
 /// To `single` go the photons without events.
 #[inline(always)]

@@ -71,7 +71,12 @@ impl PhotonMap {
         match query.depth {
             None if grey => self.gather_kind((query, pruning), phase, Grey(exponents[0]), stats),
             None => self.gather_kind((query, pruning), phase, Coloured(exponents), stats),
-            Some(table) => self.gather_kind((query, pruning), phase, Tabulated { table, exponents, grey }, stats),
+            Some(table) => self.gather_kind(
+                (query, pruning),
+                phase,
+                Tabulated { table, exponents, grey, fluence: self.fluence },
+                stats,
+            ),
         }
     }
 

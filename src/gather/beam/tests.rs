@@ -68,13 +68,13 @@ fn radii(photons: &[Photon], radius: Radius) -> Vec<f64> {
     photons.iter().map(of).collect()
 }
 
-/// The sum as the documentation has it, over all photons, in f64.
+/// The sum as the documentation has it, over all photons, in f64. Of a place `along` the ray, its depth and density.
 fn reference(
     photons: &[Photon],
     (radii, profile): (&[f64], Profile),
     query: &BeamQuery,
     phase: &Phase,
-    depth: impl Fn(f64) -> f64,
+    along: impl Fn(f64) -> (f64, f64),
     planes: impl Fn(Vec3, f32, f32, &mut Planes),
 ) -> ([f64; 3], [f64; 3]) {
     let (mut total, mut single) = ([0.0; 3], [0.0; 3]);
@@ -99,9 +99,10 @@ fn reference(
             }
             value /= profile.disc_share(height / (r * normal.cross(query.direction).length()));
         }
+        let (depth, density) = along(t);
         for channel in 0..3 {
-            let transmittance = (-f64::from(query.extinction[channel]) * depth(t)).exp();
-            let part = value * transmittance * f64::from(photon.power[channel]);
+            let transmittance = (-f64::from(query.extinction[channel]) * depth).exp();
+            let part = value * density * transmittance * f64::from(photon.power[channel]);
             total[channel] += part;
             if photon.events == 0 {
                 single[channel] += part;
@@ -192,7 +193,11 @@ fn queries_equal_the_sum_over_all_photons() {
                 pruning: None,
             };
             let depth = |t| if tabulated { smooth(t).0 } else { t };
-            let (total, single) = reference(&photons, (&radii, profile), &query, phase, depth, planes);
+            // Photons in voxels count by the density.
+            map.fluence = tabulated && number % 2 == 0;
+            let density = |t| if map.fluence { smooth(t).1 } else { 1.0 };
+            let along = |t| (depth(t), density(t));
+            let (total, single) = reference(&photons, (&radii, profile), &query, phase, along, planes);
             found += usize::from(total[0] > 0.0);
             for isa in Isa::available() {
                 map.isa = isa;

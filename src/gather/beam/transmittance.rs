@@ -105,6 +105,8 @@ pub(in crate::gather) struct Tabulated<'a> {
     pub(super) table: &'a DepthTable,
     pub(super) exponents: [f32; 3],
     pub(super) grey: bool,
+    /// Whether what passes counts in proportion to the density.
+    pub(super) fluence: bool,
 }
 
 impl Transmit for Tabulated<'_> {
@@ -114,7 +116,8 @@ impl Transmit for Tabulated<'_> {
 
     #[inline(always)]
     fn weigh<L: Lanes>(&self, factor: L, t: L, bits: u16, pruning: Pruning) -> [L; 3] {
-        let depth = self.table.depths(t, bits);
+        let [depth, density] = self.table.look_up(t, bits);
+        let factor = if self.fluence { factor.mul(density) } else { factor };
         if self.grey {
             Grey(self.exponents[0]).weigh(factor, depth, bits, pruning)
         } else {
@@ -124,7 +127,7 @@ impl Transmit for Tabulated<'_> {
 
     #[inline(always)]
     fn density<L: Lanes>(&self, t: L, bits: u16) -> Option<L> {
-        Some(self.table.densities(t, bits))
+        Some(self.table.look_up(t, bits)[1])
     }
 }
 

@@ -222,9 +222,12 @@ impl Group {
             None => None,
             Some((depths, step, samples)) => {
                 let mut table = self.table.take().unwrap_or_default();
-                let sampled =
-                    (0..count).map(|index| Sampled { samples: samples[first + index], origin: lines.origin[index] });
-                table.set(depths, step, sampled, zero, exponents(bundle.extinction), map.isa)?;
+                let sampled = rays
+                    .iter()
+                    .zip(&samples[first..])
+                    .zip(lines.origin)
+                    .map(|((&(_, a, b), &samples), origin)| Sampled { samples, origin, range: (a, b) });
+                table.set(depths, step, sampled, zero, (exponents(bundle.extinction), map.fluence), map.isa)?;
                 Some(table)
             }
         };

@@ -36,7 +36,7 @@ impl Bundle<'_> {
     ) -> Gathered {
         let (ray, a, b) = self.rays[index];
         if let Some((depths, step, samples)) = self.depths {
-            depths.tabulate(samples[index], step, a, table);
+            depths.tabulate(samples[index], step, (a, b), table);
         }
         let query = BeamQuery {
             origin: ray.at(a),

@@ -224,7 +224,7 @@ fn voxels() -> Density {
 fn bundles_know_uneven_depths() {
     let density = voxels();
     let settings = MapSettings::new(Radius::Variable { neighbours: 60, pilot: 8, max_radius: 0.3 });
-    let map = PhotonMap::build(photons(20_000), &settings, &|_: Vec3, _: f32, _: f32, _: &mut _| ());
+    let mut map = PhotonMap::build(photons(20_000), &settings, &|_: Vec3, _: f32, _: f32, _: &mut _| ());
     let phase = PhaseLanes::new(HenyeyGreenstein { g: 0.6 });
     let (mut scratch, mut gathered) = (BundleScratch::default(), Vec::new());
     let views = [
@@ -232,7 +232,9 @@ fn bundles_know_uneven_depths() {
         ("through a lens", rays(DVec3::new(3.0, 1.0, -4.0), 0.1, 0.003, (2.5, 8.0))),
         ("wide", rays(DVec3::new(3.0, 1.0, -4.0), 0.0, 0.1, (2.5, 8.0))),
     ];
-    for (name, rays) in &views {
+    for (number, (name, rays)) in (0..).zip(views.iter().chain(&views)) {
+        // Where photons count by the density, samples know it as the mean over two steps, here two thirds of a voxel.
+        map.fluence = number >= views.len();
         for extinction in [Vec3::splat(0.9), Vec3::new(0.3, 1.0, 1.5)] {
             let mut depths = SampledDepths::default();
             let samples: Vec<Samples> = rays
@@ -270,7 +272,8 @@ fn bundles_know_uneven_depths() {
                 }
             }
             let (off, bias) = ((squares / seen).sqrt(), sum / (3.0 * rays.len() as f64));
-            assert!(off < 1.5e-3 && bias.abs() < 5e-4, "{name}, {extinction}: {off:.1e}, bias {bias:.1e}");
+            let limits = if map.fluence { (1.5e-2, 1e-2) } else { (1.5e-3, 5e-4) };
+            assert!(off < limits.0 && bias.abs() < limits.1, "{name}, {extinction}: {off:.1e}, bias {bias:.1e}");
         }
     }
 }

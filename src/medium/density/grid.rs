@@ -1,8 +1,9 @@
 //! Voxels where the scene has them.
 
 use std::ops::ControlFlow;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
+use super::Coarse;
 use super::bricks::{BrickGrid, Cell};
 use crate::math::{Bounds, DAffine3, DVec3, Ray};
 
@@ -14,27 +15,45 @@ pub struct Grid {
     to_index: DAffine3,
     /// Outside of this box in index space the density is 0.
     clip: Bounds,
+    /// Found when it is first asked for.
+    coarse: Arc<OnceLock<Option<Coarse>>>,
 }
 
 impl Grid {
     /// Places voxels; `to_world` takes index space to the scene.
     pub fn new(voxels: Arc<BrickGrid>, to_world: DAffine3) -> Self {
-        Grid { voxels, to_index: to_world.inverse(), clip: Bounds::ALL }
+        Grid { voxels, to_index: to_world.inverse(), clip: Bounds::ALL, coarse: Arc::default() }
     }
 
     /// With density 0 outside of a box in index space.
     pub fn clipped(self, clip: Bounds) -> Self {
-        Grid { clip, ..self }
+        Grid { clip, coarse: Arc::default(), ..self }
     }
 
     /// Carried along by a transform of the scene.
     pub fn moved(&self, transform: DAffine3) -> Self {
-        Grid { voxels: self.voxels.clone(), to_index: self.to_index * transform.inverse(), clip: self.clip }
+        let to_index = self.to_index * transform.inverse();
+        Grid { voxels: self.voxels.clone(), to_index, clip: self.clip, coarse: Arc::default() }
     }
 
     /// The voxels in index space, which several grids may share.
     pub fn voxels(&self) -> &Arc<BrickGrid> {
         &self.voxels
+    }
+
+    /// About how dense it is, cell by cell; `None` where it is empty, or never ends.
+    pub fn coarse(&self) -> Option<&Coarse> {
+        self.coarse.get_or_init(|| Coarse::new(self)).as_ref()
+    }
+
+    /// From the scene to index space.
+    pub(super) fn to_index(&self) -> DAffine3 {
+        self.to_index
+    }
+
+    /// Outside of this box in index space the density is 0.
+    pub(super) fn clip(&self) -> Bounds {
+        self.clip
     }
 
     /// The least distance between two neighbouring planes of voxel centres.

@@ -6,12 +6,14 @@
 //! made of, which give local majorants and cells.
 
 pub mod bricks;
+mod coarse;
 mod exponential;
 mod grid;
 mod noise;
 pub mod npy;
 pub mod vdb;
 
+pub use coarse::Coarse;
 pub use exponential::Exponential;
 pub use grid::Grid;
 pub use noise::Noise;

@@ -2,15 +2,15 @@
 
 use crate::math::{DVec3, Vec3};
 
-/// A photon at a collision in a medium, or where it lands on a surface.
+/// A photon at a collision in a medium, on a flight through a medium of uneven density, or where it lands on a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Photon {
-    /// Where it collided or landed.
+    /// Where it is, collided or landed.
     pub position: Vec3,
     /// The unit direction it travelled in.
     pub direction: Vec3,
     /// Its flux \[W\] into the collision, already divided by the number of emitted photons, times
-    /// the albedo there; on a surface without that.
+    /// the albedo there; on a surface without that. On a flight, by volume and density these are what a medium scatters.
     pub power: Vec3,
     /// Events between the light and this place, at most 255; 0 for light that came straight.
     pub events: u8,

@@ -96,11 +96,11 @@ impl<'s> Looking<'_, '_, 's> {
         let radiance = &mut self.sample.radiance[component];
         let weight = &mut luggage.weight;
         let collision = stream.draw(Dimension::Flight, |stream| {
-            transport::fly(medium, segment.ray, range, weight, stream, tally, |t, weight| {
+            transport::fly(medium, segment.ray, range, weight, stream, tally, |t, weight, length| {
                 if glows {
                     let point = segment.ray.at(t);
                     let share = rival.map_or(1.0, |rival| rival.share(point));
-                    *radiance += weight * medium.emitted(point) * share;
+                    *radiance += weight * length * medium.emitted(point) * share;
                 }
             })
         });

@@ -154,6 +154,11 @@ impl BrickGrid {
         &self.values.as_chunks().0[code as usize]
     }
 
+    /// The greatest of the 8³ voxels of a brick; coordinates count bricks.
+    pub fn brick_max(&self, brick: [i32; 3]) -> f32 {
+        self.own_range(self.code(brick)).max
+    }
+
     /// The range of an entry without its apron.
     pub(super) fn own_range(&self, code: u32) -> Range {
         if code & CONSTANT == 0 {
