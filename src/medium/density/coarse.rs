@@ -23,13 +23,13 @@ const MOST: f64 = (1u32 << 17) as f64;
 const FARTHEST: f64 = (1u32 << 30) as f64;
 
 /// Voxels along an edge of the smallest cells.
-const EDGE: i32 = 2;
+const EDGE: i32 = 8;
 
 /// Voxels that are looked at along an edge of a cell, at most: those of a brick.
 const LOOKS: i32 = 8;
 
 /// Cells over which it falls off around what is not empty,
-const RINGS: i32 = 3;
+const RINGS: i32 = 2;
 /// to this share in each.
 const FALL: f32 = 0.25;
 
