@@ -240,8 +240,8 @@ fn a_grid_of_one_number_is_a_homogeneous_medium() {
     ];
     let mut plain = None;
     for (name, anew, set) in rows {
-        let set = [&["render.samples=8", "photons.volume=60_000"], set].concat();
-        let found = |density: &str| grey(&images(4, &block(density), &set));
+        let set = [&["render.samples=6", "photons.volume=60_000"], set].concat();
+        let found = |density: &str| grey(&images(12, &block(density), &set));
         let plain = plain.insert(plain.filter(|_| !anew).unwrap_or_else(|| found("")));
         checks.agree(name, &found(grid), plain, 0.01, 0.0);
     }
