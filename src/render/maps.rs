@@ -213,7 +213,7 @@ fn uneven_density(scene: &Scene, region: u32) -> Option<&Density> {
 }
 
 /// Whether photons of a region tell the fluence, and not where they collide.
-fn tells_fluence(scene: &Scene, region: u32) -> bool {
+pub(super) fn tells_fluence(scene: &Scene, region: u32) -> bool {
     medium_index(scene, region).is_some_and(|medium| scene.uneven(medium).is_some())
 }
 

@@ -2,7 +2,7 @@
 
 use super::camera::Camera;
 use super::eye::BRIGHTEST;
-use super::maps::medium_of;
+use super::maps::{medium_of, tells_fluence};
 use super::plan::Plan;
 use crate::photon::{Radii, Traced};
 use crate::scene::Scene;
@@ -59,11 +59,17 @@ const WIDE: f64 = 0.3;
 /// Discs that lean on boundaries blend no depths, but near edges and along the surface they do blur.
 const WIDE_LEANING: f64 = 100.0;
 
+/// Photons along flights lie in the thin air around matter, too, where discs are wide.
+const WIDE_ALONG_FLIGHTS: f64 = 1.0;
+
 /// Whether a region's photons are spread so wide that its picture is wrong.
 pub(super) fn wide_discs(scene: &Scene, region: u32, radii: Radii, extinction: f64, leans: bool) -> Option<String> {
     let share = radii.mean as f64 * extinction;
-    let (most, wrong) =
-        if leans { (WIDE_LEANING, "blurred, and wrong near edges") } else { (WIDE, "blurred and too dark") };
+    let (most, wrong) = match leans {
+        true => (WIDE_LEANING, "blurred, and wrong near edges"),
+        false if tells_fluence(scene, region) => (WIDE_ALONG_FLIGHTS, "blurred"),
+        false => (WIDE, "blurred and too dark"),
+    };
     medium_of(scene, region).filter(|_| share > most).map(|medium| {
         format!(
             "medium {}: photons are spread over {:.3e} on average, which is {share:.2} mean free paths; above {most} its lit surface is {wrong}: raise photons.volume, lower volume.neighbours or volume.radius, or use method \"path\"",
