@@ -9,6 +9,10 @@ use crate::scene::Scene;
 use crate::scene::description::{Projection, SingleScattering};
 use crate::transport::{Collision, Segment};
 
+/// Flights leave about so many photons in a cell at most: one voxel that is a million times as dense as those around it makes its
+/// cell seem dense, and what passes it by would leave millions.
+const MOST_IN_A_PIECE: f64 = 16.0;
+
 /// Scenes less thick than this many mean free paths need all their photons.
 const THICK: f64 = 16.0;
 /// Photons within this many mean free paths of where eye rays begin are all kept; deeper, as many as there is
@@ -170,7 +174,7 @@ impl VolumeSink {
     /// length, with Φ/λ each, add up to the fluence in a volume (a track-length estimate; Spanier 1966). They are stored with
     /// σ_s Φ/λ, where σ_s is that of density 1, and count ρ times on rays that pass where the density is ρ. So fluence is what
     /// they blur, and light is scattered only where there is matter. The rate is the extinction of the [`Coarse`] density: about
-    /// as many as collide, and none by its density counts far more than others.
+    /// as many as collide, and none by its density counts far more than others; of a flight through one cell, [`MOST_IN_A_PIECE`] at most.
     pub fn deposit_along(
         &mut self,
         quota: &VolumeQuota<'_>,
@@ -185,7 +189,7 @@ impl VolumeSink {
         let most = quota.rate * quota.keep * medium.extinction.max_element();
         let mut next = stream.exponential();
         coarse.pieces(flight.ray, (flight.a, end), |from, to, density| {
-            let rate = most * density;
+            let rate = (most * density).min(MOST_IN_A_PIECE / (to - from));
             let mut t = from;
             while t + next / rate < to {
                 t += next / rate;

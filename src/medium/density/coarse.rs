@@ -59,13 +59,13 @@ impl Coarse {
             let [_, y, z] = size;
             let cell = [index / (y * z), index / z % y, index % z];
             let first: [i32; 3] = std::array::from_fn(|axis| (low[axis] + cell[axis] as i32) * edge);
-            let (mut squares, mut most) = (0.0f32, 0.0f32);
+            let (mut squares, mut most) = (0.0, 0.0f32);
             for i in 0..looks.pow(3) {
                 let place = [i / (looks * looks), i / looks % looks, i % looks];
                 let [x, y, z] = std::array::from_fn(|axis| first[axis] + stride * place[axis]);
                 let at = DVec3::new(f64::from(x), f64::from(y), f64::from(z));
                 let value = if grid.clip().contains(at) { voxels.value_at(x, y, z) } else { 0.0 };
-                squares += value * value;
+                squares += f64::from(value).powi(2);
                 most = most.max(value);
             }
             // No brick is overlooked.
@@ -74,7 +74,7 @@ impl Coarse {
                 let place = [i / (bricks * bricks), i / bricks % bricks, i % bricks];
                 most = most.max(voxels.brick_max(std::array::from_fn(|axis| (first[axis] >> 3) + place[axis])));
             }
-            (squares / looks.pow(3) as f32).sqrt().max(LEAST * most)
+            ((squares / f64::from(looks.pow(3))).sqrt() as f32).max(LEAST * most)
         };
         let mut values: Vec<f32> = (0..size.iter().product()).into_par_iter().map(value).collect();
         for _ in 0..RINGS {
