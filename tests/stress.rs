@@ -84,7 +84,6 @@ fn every_stress_scene_is_finite_or_refused() {
     }
 }
 
-/// From afar, a grid is many thousand steps away: samples along rays count them all, and tables of them end where they should.
 /// A room that light never leaves, seen from outside, where that is not found out: the first photon's walk has no end, and is broken off.
 #[test]
 fn a_walk_without_end_is_broken_off() {
@@ -109,6 +108,7 @@ fn a_walk_without_end_is_broken_off() {
     }
 }
 
+/// From afar, a grid is many thousand steps away: samples along rays count them all, and tables of them end where they should.
 #[test]
 fn smoke_is_seen_from_afar() {
     let small = ["film.width=160", "film.height=120", "render.samples=1", "photons.volume=20000"];

@@ -235,15 +235,20 @@ mod tests {
     use crate::math::random::Purpose;
     use crate::scene;
 
-    /// Splits in two at each of its first events, and ends at the next.
+    /// Splits in two at each of its first events, and ends at the next, or goes on for ever.
     struct Splitting<'s> {
         scene: &'s Scene,
         stream: Stream,
         splits: u64,
+        ends: bool,
         /// The weight that came to an end, and in how many parts.
         ended: (f64, u64),
         /// Parts that waited at one time, at most.
         waiting: usize,
+        /// Events of all parts.
+        events: u64,
+        /// How often it was asked whether to break off: the third time it does.
+        asked: u64,
     }
 
     impl<'s> Traveller<'s> for Splitting<'s> {
@@ -271,78 +276,24 @@ mod tests {
             let Vertex::Medium(at) = at else { panic!("there is no surface") };
             assert_eq!(at.point, walk.ray.at(at.t));
             luggage.events += 1;
-            if luggage.events > self.splits {
+            self.events += 1;
+            if luggage.events <= self.splits {
+                luggage.weight *= 0.5;
+                let mut walk = walk.clone();
+                walk.turn(at.t, -at.direction);
+                parts.push(Part { walk, luggage: luggage.clone(), collision: None });
+                self.waiting = self.waiting.max(parts.len());
+            } else if self.ends {
                 self.ended = (self.ended.0 + luggage.weight.x, self.ended.1 + 1);
                 return None;
             }
-            luggage.weight *= 0.5;
-            let mut walk = walk.clone();
-            walk.turn(at.t, -at.direction);
-            parts.push(Part { walk, luggage: luggage.clone(), collision: None });
-            self.waiting = self.waiting.max(parts.len());
-            Some(Heading { direction: at.direction, clearance: None })
+            // To and fro.
+            let direction = if self.ends { at.direction } else { -at.direction };
+            Some(Heading { direction, clearance: None })
         }
 
         fn stopped(&mut self) {
-            panic!("it ends by itself");
-        }
-    }
-
-    /// All parts are followed, each once, and no more of them wait than there are splits on one way.
-    #[test]
-    fn all_parts_are_followed() {
-        let (scene, _) = scene::from_text(
-            "[camera]\nposition = [0, 0, 1]\ntarget = [0, 0, 0]\n[world]\nmedium = \"air\"\n[media.air]\nsigma_s = 1\n",
-        );
-        let stream = Stream::new(1, Purpose::Test, 0, 0);
-        let mut splitting = Splitting { scene: &scene, stream, splits: 10, ended: (0.0, 0), waiting: 0 };
-        let walk = Walk::new(&scene, crate::math::Ray::new(DVec3::ZERO, DVec3::X), scene.inside(DVec3::ZERO));
-        let start = Part { walk, luggage: Luggage::new(Rgb::ONE, ()), collision: Some((0.5, 0)) };
-        travel(&mut splitting, start, &mut Parts::new());
-        assert_eq!((splitting.ended, splitting.waiting), ((1.0, 1 << 10), 10));
-    }
-
-    /// Scatters for ever, until it is told to break off.
-    struct Endless<'s> {
-        scene: &'s Scene,
-        stream: Stream,
-        asked: u64,
-        events: u64,
-    }
-
-    impl<'s> Traveller<'s> for Endless<'s> {
-        type Own = ();
-
-        fn scene(&self) -> &'s Scene {
-            self.scene
-        }
-
-        fn stream(&mut self) -> &mut Stream {
-            &mut self.stream
-        }
-
-        fn segment(&mut self, segment: &Segment<'_>, _: &mut Luggage<()>, _: &mut Parts<'s, ()>) -> ControlFlow<f64> {
-            ControlFlow::Break(segment.a + 1.0)
-        }
-
-        fn turn(
-            &mut self,
-            at: Vertex<'_>,
-            walk: &Walk<'s>,
-            luggage: &mut Luggage<()>,
-            parts: &mut Parts<'s, ()>,
-        ) -> Option<Heading> {
-            let Vertex::Medium(at) = at else { panic!("there is no surface") };
-            luggage.events += 1;
-            self.events += 1;
-            if luggage.events == 1 {
-                parts.push(Part { walk: walk.clone(), luggage: luggage.clone(), collision: None });
-            }
-            Some(Heading { direction: -at.direction, clearance: None })
-        }
-
-        fn stopped(&mut self) {
-            panic!("it breaks off before");
+            panic!("it ends by itself, or breaks off before");
         }
 
         fn breaks_off(&mut self) -> bool {
@@ -351,17 +302,33 @@ mod tests {
         }
     }
 
-    /// Who is told to break off does so soon, and what waits is not followed.
-    #[test]
-    fn a_journey_breaks_off() {
+    /// Sends it out.
+    fn sent(splits: u64, ends: bool, check: impl FnOnce(&Splitting<'_>, &Parts<'_, ()>)) {
         let (scene, _) = scene::from_text(
             "[camera]\nposition = [0, 0, 1]\ntarget = [0, 0, 0]\n[world]\nmedium = \"air\"\n[media.air]\nsigma_s = 1\n",
         );
-        let mut endless = Endless { scene: &scene, stream: Stream::new(1, Purpose::Test, 0, 0), asked: 0, events: 0 };
+        let stream = Stream::new(1, Purpose::Test, 0, 0);
+        let (ended, waiting, events, asked) = ((0.0, 0), 0, 0, 0);
+        let mut splitting = Splitting { scene: &scene, stream, splits, ends, ended, waiting, events, asked };
         let walk = Walk::new(&scene, crate::math::Ray::new(DVec3::ZERO, DVec3::X), scene.inside(DVec3::ZERO));
-        let start = Part { walk, luggage: Luggage::new(Rgb::ONE, ()), collision: None };
+        let start = Part { walk, luggage: Luggage::new(Rgb::ONE, ()), collision: Some((0.5, 0)) };
         let mut parts = Parts::new();
-        travel(&mut endless, start, &mut parts);
-        assert_eq!((endless.asked, endless.events, parts.len()), (3, 3 * PATIENCE, 0));
+        travel(&mut splitting, start, &mut parts);
+        check(&splitting, &parts);
+    }
+
+    /// All parts are followed, each once, and no more of them wait than there are splits on one way.
+    #[test]
+    fn all_parts_are_followed() {
+        sent(10, true, |splitting, _| assert_eq!((splitting.ended, splitting.waiting), ((1.0, 1 << 10), 10)));
+    }
+
+    /// Who is told to break off does so soon, and what waits is not followed.
+    #[test]
+    fn a_journey_breaks_off() {
+        sent(1, false, |endless, parts| {
+            assert_eq!((endless.asked, endless.events, endless.waiting), (3, 3 * PATIENCE, 1));
+            assert!(parts.is_empty());
+        });
     }
 }
