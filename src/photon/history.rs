@@ -21,7 +21,7 @@ pub struct History {
     pub from_light: bool,
     /// The events on the way.
     pub since: Since,
-    /// Whether it was mirrored or refracted,
+    /// Whether it was mirrored or refracted, smoothly or by narrow lobes,
     bent: bool,
     /// by what casts no caustics,
     uncast: bool,
@@ -62,8 +62,8 @@ impl History {
         self.is_caustic() && (self.uncast || !at.caustics.receives) && at.bsdf.nature() == Nature::Diffuse
     }
 
-    /// Whether it is light of a caustic, where it lands on a surface that spreads it: from a light, mirrored or refracted, and not
-    /// scattered.
+    /// Whether it is light of a caustic, where it lands on a surface that spreads it: from a light, mirrored or refracted, smoothly or by
+    /// narrow lobes, and not scattered.
     pub fn is_caustic(self) -> bool {
         self.from_light && self.bent && !self.scattered
     }

@@ -98,9 +98,9 @@ pub(super) fn spreads(material: &Material) -> bool {
     }
 }
 
-/// Whether light that a surface mirrors or refracts may become a caustic.
+/// Whether light that a surface mirrors or refracts, smoothly or by a narrow lobe, may become a caustic.
 fn casts(scene: &Scene, surface: &Surface) -> bool {
-    surface.caustics.casts && scene.any_part(&surface.material, &Material::is_partly_specular)
+    surface.caustics.casts && scene.any_part(&surface.material, &Material::is_narrow)
 }
 
 /// Whether photons of this kind may land in a scene: on surfaces that spread light, and of caustics, where they are received, after
@@ -428,6 +428,12 @@ mod tests {
             let even = evenly(&bare.photons) / bare.photons.len() as f64;
             assert!(share < 0.2 && even > 0.999, "{share} land, worth {even} of as many");
         }
+
+        // By a narrow lobe as much, but for what goes from facet to facet.
+        let rough =
+            room(&disc("silver")).replace("\"mirror\"\nreflectance = 0.8", "\"conductor\"\nf0 = 0.8\nroughness = 0.1");
+        let found = power(&landed(&rough, Kind::Caustic));
+        assert!((found / expected - 1.0).abs() < 0.01, "{found}, not {expected}");
 
         // A strong lamp far away beside it, of whose light little comes to the mirror.
         let lamp = "[[lights]]\ntype = \"point\"\nposition = [0, 4.5, 0]\nintensity = 30\n";

@@ -296,7 +296,7 @@ impl Sending<'_, '_> {
         let first = match at.nature() {
             Nature::Diffuse if matches!(at, Vertex::Medium(_)) => First::Medium,
             Nature::Diffuse => First::Diffuse,
-            Nature::Glossy | Nature::Specular => First::Specular,
+            Nature::Glossy | Nature::Narrow | Nature::Specular => First::Specular,
         };
         let component = Component::of(Some(first), events, history.from_light, history.is_caustic());
         camera.spread(view, |pixel, part| {

@@ -110,6 +110,15 @@ impl Material {
         }
     }
 
+    /// Whether it sends light, or a part of it, into single directions or into few; of a mixture, its parts must be asked.
+    pub fn is_narrow(&self) -> bool {
+        match self {
+            Material::Opaque(bsdf) => bsdf.nature() == Nature::Narrow || bsdf.is_partly_specular(),
+            Material::Dielectric(dielectric) => Nature::of_facets(dielectric.roughness) >= Nature::Narrow,
+            Material::None | Material::Mixture(_) => false,
+        }
+    }
+
     /// The index of refraction inside, if it has one.
     pub fn index(&self) -> Option<Rgb> {
         match self {
@@ -165,7 +174,7 @@ impl Bsdf {
             Bsdf::Reflector(reflector) => reflector.nature(),
             Bsdf::Coated(coated) => coated.nature(),
             Bsdf::Mix(mix) => mix.nature(),
-            Bsdf::Rough(_) => Nature::Glossy,
+            Bsdf::Rough(rough) => Nature::of_facets(rough.alpha).max(Nature::Glossy),
             Bsdf::Smooth(_) | Bsdf::Thin(_) => Nature::Specular,
         }
     }

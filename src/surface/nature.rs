@@ -8,18 +8,23 @@ pub enum Nature {
     Diffuse,
     /// Over few, where light can be asked for.
     Glossy,
+    /// Over so few that what lights bring by them is a caustic to where it lands. Light can be asked for.
+    Narrow,
     /// Over single ones, with no density: light can only be met by chance.
     Specular,
 }
 
 impl Nature {
     /// Of facets that reflect, of which GGX's α is this (of others the α as wide as their lobe). From α = 0.3 on light straight on is sent
-    /// nowhere with more than three times the density of a diffuse surface: there photons tell it as well.
+    /// nowhere with more than three times the density of a diffuse surface: there photons tell it as well. Below α = 0.15 gather rays that find
+    /// a lamp in it do so rarely: beside a golden ball, photons reach half their squared error or less, but at three to four times the time.
     pub(super) fn of_facets(alpha: f64) -> Nature {
         const WIDE: f64 = 0.3;
+        const NARROW: f64 = 0.15;
         match alpha {
             WIDE.. => Nature::Diffuse,
-            _ if alpha > 0.0 => Nature::Glossy,
+            NARROW.. => Nature::Glossy,
+            _ if alpha > 0.0 => Nature::Narrow,
             _ => Nature::Specular,
         }
     }

@@ -3,7 +3,7 @@
 use crate::math::{DVec3, Ray};
 use crate::scene::Inside;
 use crate::scene::description::Caustics;
-use crate::surface::{Bsdf, Incidence, Onward};
+use crate::surface::{Bsdf, Incidence, Nature, Onward};
 
 /// What happened to light, or to an eye path, at a vertex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,14 +14,16 @@ pub enum Event {
     Refracted,
     /// It was mirrored.
     Mirrored,
+    /// It was scattered into one of few directions.
+    Narrow,
     /// It was scattered into one of many directions.
     Scattered,
 }
 
 impl Event {
-    /// Whether it left in the one other direction that there was.
+    /// Whether it left in the one other direction that there was, or in one of few.
     pub fn bends(self) -> bool {
-        matches!(self, Event::Refracted | Event::Mirrored)
+        matches!(self, Event::Refracted | Event::Mirrored | Event::Narrow)
     }
 }
 
@@ -60,6 +62,7 @@ impl Interaction {
     pub fn event(&self, onward: &Onward) -> Event {
         let through = onward.direction.dot(self.incidence.normal) < 0.0;
         match (onward.density > 0.0, through) {
+            (true, _) if self.bsdf.nature() == Nature::Narrow => Event::Narrow,
             (true, _) => Event::Scattered,
             (false, true) if self.bsdf.is_sheet() => Event::Passed,
             (false, true) => Event::Refracted,

@@ -107,8 +107,9 @@ impl Looking<'_, '_, '_> {
                 self.context.stream,
             ),
         }
-        // It comes straight to here: what was mirrored before on the eye's side makes it no caustic.
-        let component = Component::of(luggage.own.first, luggage.events, true, false);
+        // It comes straight to here: a caustic if a narrow lobe sends it on, but not for what was mirrored before on the eye's side.
+        let caustic = at.nature() == Nature::Narrow && luggage.own.spread == Spread::First;
+        let component = Component::of(luggage.own.first, luggage.events, true, caustic);
         self.sample.radiance[component as usize] += weight;
     }
 
@@ -224,6 +225,13 @@ impl Looking<'_, '_, '_> {
         let brought = self.eye.settings.caustics.is_some() || luggage.own.uncast;
         let found = luggage.own.glimpsed || luggage.own.seeks == Seeks::Scattered;
         found || brought && luggage.own.meets_caustic()
+    }
+
+    /// Whether the light of lights that a surface sends on to where the path was spread is a caustic that photons bring, or that is left
+    /// out.
+    pub(super) fn is_known(&self, at: &Interaction, luggage: &Luggage<Path>) -> bool {
+        let brought = self.eye.settings.caustics.is_some() || luggage.own.uncast || !at.caustics.casts;
+        brought && at.bsdf.nature() == Nature::Narrow && luggage.own.spread != Spread::Other
     }
 
     /// Looks along the way that a coat mirrors for what shines there. A path that may also go on by the base draws that way

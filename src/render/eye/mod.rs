@@ -26,8 +26,8 @@ use crate::scene::description::SingleScattering;
 use crate::scene::{Inside, Scene};
 use crate::surface::{Lobe, Nature, Side};
 use crate::transport::{
-    Collision, Crossing, Events, Glows, Heading, Interaction, Landing, Luggage, Part, Parts, Segment, Tally, Traveller,
-    Turn, Vertex, Walk, travel,
+    Collision, Crossing, Event, Events, Glows, Heading, Interaction, Landing, Luggage, Part, Parts, Segment, Tally,
+    Traveller, Turn, Vertex, Walk, travel,
 };
 pub(super) use component::First;
 
@@ -116,7 +116,7 @@ pub struct Path {
     diffuse: bool,
     /// Where it was spread last,
     spread: Spread,
-    /// and whether it has been mirrored or refracted since, and no more than that.
+    /// and whether it has been mirrored or refracted since, smoothly or by narrow lobes, and no more than that.
     bent: bool,
     /// Whether caustics of what it has met since are left out: something casts none, or they fall on what receives none.
     uncast: bool,
@@ -427,7 +427,7 @@ impl<'s> Looking<'_, '_, 's> {
 
         // Light asked for.
         let lesser = self.splits(luggage, at);
-        if nature != Nature::Specular {
+        if nature != Nature::Specular && !self.is_known(at, luggage) {
             self.ask(vertex, luggage, lesser.or(coat).is_some(), None);
         }
         if diffuse {
@@ -465,23 +465,25 @@ impl<'s> Looking<'_, '_, 's> {
         };
         let vertex = Vertex::Surface(at);
         let onward = vertex.onward(Side::Eye, lobe, &mut luggage.weight, self.context.stream, always)?;
+        let (event, diffuse) = (at.event(&onward), vertex.nature() == Nature::Diffuse);
         if onward.density > 0.0 {
-            let diffuse = vertex.nature() == Nature::Diffuse;
             luggage.own.turn = Turn::Surface { receiver: vertex.receiver(), density: onward.density, glows: diffuse };
-            luggage.own.bent = false;
             luggage.own.glimpsed = false;
-            luggage.own.uncast = !at.caustics.receives;
             luggage.own.seeks = Seeks::All;
+        } else {
+            luggage.own.turn = Turn::Specular;
+        }
+        if event == Event::Scattered {
+            luggage.own.bent = false;
+            luggage.own.uncast = !at.caustics.receives;
             luggage.own.spread = match (diffuse, luggage.events) {
                 (false, _) => Spread::Other,
                 (true, 1) => Spread::First,
                 (true, _) => Spread::Diffuse,
             };
-        } else {
-            luggage.own.turn = Turn::Specular;
-            let bends = at.event(&onward).bends();
-            luggage.own.bent |= bends;
-            luggage.own.uncast |= bends && !at.caustics.casts;
+        } else if event.bends() {
+            luggage.own.bent = true;
+            luggage.own.uncast |= !at.caustics.casts;
         }
         let goes_on = self.outlives(&mut luggage.weight, luggage.own.diffuse, at.around(onward.direction));
         goes_on.then_some(Heading { direction: onward.direction, clearance: None })
