@@ -9,11 +9,12 @@ use crate::scene::{self, Scene, Settings, StudyVariant, is_plain};
 use crate::{Error, Result};
 
 /// Names of the built-in variants, and what they set.
-pub const BUILT_IN: [(&str, &[(&str, &str)]); 11] = [
+pub const BUILT_IN: [(&str, &[(&str, &str)]); 12] = [
     ("path", &[("render.method", "path")]),
     ("light", &[("render.method", "light")]),
     ("beam", &[("render.method", "photon"), ("volume.estimate", "beam"), ("volume.kernel", "variable")]),
     ("beam-fixed", &[("render.method", "photon"), ("volume.estimate", "beam"), ("volume.kernel", "fixed")]),
+    ("beam-2008", &BEAM_2008),
     ("point-uniform", &POINT[0]),
     ("point-adaptive", &POINT[1]),
     ("point-exponential", &POINT[2]),
@@ -25,6 +26,16 @@ pub const BUILT_IN: [(&str, &[(&str, &str)]); 11] = [
 
 /// The variants that are compared if none is named: those of media.
 pub const DEFAULT: [&str; 5] = ["path", "beam", "point-uniform", "point-adaptive", "point-exponential"];
+
+/// The estimate of the paper (Jarosz, Zwicker and Jensen 2008), Eqs. 21 to 25: discs face the ray, and nothing is done about walls.
+const BEAM_2008: [(&str, &str); 6] = [
+    ("render.method", "photon"),
+    ("volume.estimate", "beam"),
+    ("volume.kernel", "variable"),
+    ("volume.profile", "biweight"),
+    ("volume.boundaries", "none"),
+    ("volume.single_scattering", "photons"),
+];
 
 const fn point(step: &'static str) -> [(&'static str, &'static str); 3] {
     [("render.method", "photon"), ("volume.estimate", "point"), ("volume.march.step", step)]

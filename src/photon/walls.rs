@@ -5,6 +5,7 @@ use smallvec::SmallVec;
 use super::Plane;
 use crate::geometry::Near;
 use crate::math::Vec3;
+use crate::scene::description::Boundaries;
 use crate::scene::{Inside, Scene};
 
 /// Walls whose normals differ by less than this cosine are one: neighbouring faces of a curved mesh.
@@ -13,24 +14,33 @@ const ONE_WALL: f64 = 0.9;
 /// In a map whose discs have a mean radius of more mean free paths than this, they lean on the nearest boundary of their
 /// region: across a ray that leaves at an angle θ to the normal, they would blend depths r sin θ apart. Smaller ones lose
 /// less than they would by leaning on walls that the ray does not come through.
-const LEANING: f32 = 0.5;
+const LEANING: f64 = 0.5;
 
 /// How many mean free paths below a boundary discs lean on it at least: what leaves comes from there. Light of discs
 /// that do not, from below, would count beside that of those that do.
 const DEPTH: f32 = 2.0;
 
-/// The walls that matter for a photon in a medium of this extinction coefficient, among photons of this mean radius;
-/// see [`near`]. All discs lean or none do, for the same reason.
-pub fn of_disc(
-    scene: &Scene,
-    extinction: f32,
-    (position, radius, mean): (Vec3, f32, f32),
-    walls: &mut SmallVec<[Plane; 3]>,
-) {
-    let leans = mean * extinction > LEANING;
-    // The disc is drawn around a foot point that may be a radius away from the photon.
-    let reach = if leans { (2.0 * radius).max(DEPTH / extinction) } else { 2.0 * radius };
-    near(scene, position, reach, leans, walls);
+/// The walls that matter for photons of a map, in a medium of this extinction coefficient: see [`near`].
+#[derive(Clone, Copy, Debug)]
+pub struct Walls {
+    /// Its discs lean: all or none, as light of those from below that do not would count beside that of those that do.
+    lean: bool,
+    /// How far boundaries may be on which discs lean.
+    depth: f32,
+}
+
+impl Walls {
+    /// Of a map whose discs have this mean radius, before passes narrow them: so all passes of a picture make the same of them.
+    pub fn of_discs(boundaries: Boundaries, extinction: f64, mean: f64) -> Walls {
+        Walls { lean: boundaries == Boundaries::Lean && mean * extinction > LEANING, depth: DEPTH / extinction as f32 }
+    }
+
+    /// Those of a photon whose disc is so wide.
+    pub fn near(&self, scene: &Scene, (position, radius): (Vec3, f32), walls: &mut SmallVec<[Plane; 3]>) {
+        // The disc is drawn around a foot point that may be a radius away from the photon.
+        let reach = if self.lean { (2.0 * radius).max(self.depth) } else { 2.0 * radius };
+        near(scene, position, reach, self.lean, walls);
+    }
 }
 
 /// The three nearest walls within `radius` of a photon: opaque surfaces, and boundaries of its region. A face

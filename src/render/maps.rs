@@ -10,10 +10,11 @@ use crate::medium::Medium;
 use crate::medium::density::Density;
 use crate::photon::{
     Kind, Landed, MapSettings, Photon, PhotonMap, PointMap, PointSettings, Radii, ShadowPass, ShadowPhoton, Shadows,
-    SurfacePass, narrowing, trace_shadows, trace_surfaces, walls,
+    SurfacePass, narrowing, trace_shadows, trace_surfaces,
+    walls::{self, Walls},
 };
 use crate::scene::Scene;
-use crate::scene::description::Indirect;
+use crate::scene::description::{Boundaries, Indirect};
 
 /// The maps of a pass: each is there if the scene needs it.
 #[derive(Debug, Default)]
@@ -184,10 +185,17 @@ fn shadows(
 fn beam_maps(scene: &Scene, plan: &Plan, scale: f32, extinctions: &[f64], regions: Vec<Vec<Photon>>) -> VolumeMaps {
     let build = |(region, (photons, extinction)): (u32, (Vec<Photon>, &f64))| {
         let fluence = tells_fluence(scene, region);
-        let settings =
-            MapSettings { tagged: plan.tagged, scale, profile: plan.profile, fluence, ..MapSettings::new(plan.radius) };
+        let settings = MapSettings {
+            tagged: plan.tagged,
+            scale,
+            profile: plan.profile,
+            boundaries: plan.boundaries != Boundaries::None,
+            fluence,
+            ..MapSettings::new(plan.radius)
+        };
         let near = |position, radius, mean, planes: &mut _| {
-            walls::of_disc(scene, *extinction as f32, (position, radius, mean), planes);
+            let walls = Walls::of_discs(plan.boundaries, *extinction, f64::from(mean / scale));
+            walls.near(scene, (position, radius), planes);
         };
         (!photons.is_empty()).then(|| PhotonMap::build(photons, &settings, &near))
     };

@@ -8,8 +8,8 @@ use crate::medium::Medium;
 use crate::photon::kernel::Profile;
 use crate::photon::{Ball, Emission, InMedium, Kind, PointSettings, Radius, may_land, served_lights};
 use crate::scene::description::{
-    self, Estimate, Indirect, Kernel, March, Method, Records, SingleScattering, Step, SurfaceEstimate, SurfaceFilter,
-    Volume,
+    self, Boundaries, Estimate, Indirect, Kernel, March, Method, Records, SingleScattering, Step, SurfaceEstimate,
+    SurfaceFilter, Volume,
 };
 use crate::scene::{Inside, Scene, Settings};
 use crate::transport::Events;
@@ -57,6 +57,8 @@ pub struct Plan {
     pub emission: Emission,
     /// How wide they are spread.
     pub radius: Radius,
+    /// What is done about walls near photons.
+    pub boundaries: Boundaries,
     /// The kernel of discs.
     pub profile: Profile,
     /// How rays are marched, if points are looked up and not beams.
@@ -253,6 +255,7 @@ impl Plan {
             tagged: film.layers || max_events.is_limited(),
             split: false,
             parts,
+            boundaries: volume.boundaries,
             profile: profile(volume.profile, Profile::Biweight),
             samples: render.samples.div_ceil(parts),
             light_samples: render.light_samples,
@@ -287,6 +290,7 @@ fn points(scene: &Scene, volume: &Volume, plan: &Plan, extent: f64) -> Points {
         settings: PointSettings {
             profile: profile(volume.profile, Profile::Constant),
             tagged: plan.tagged,
+            boundaries: volume.boundaries != Boundaries::None,
             ..PointSettings::new(ball)
         },
         marchers: marchers(scene, volume, extent),

@@ -12,9 +12,9 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::description::{
-    Camera, Description, Document, Estimate, Film, Filter, FovAxis, Indirect, Kernel, March, Method, PhotonEmission,
-    Photons, Profile, Projection, Records, Render, SingleScattering, Step, Surface, SurfaceEstimate, SurfaceFilter,
-    ToneMap, Unit, Volume, Window, World,
+    Boundaries, Camera, Description, Document, Estimate, Film, Filter, FovAxis, Indirect, Kernel, March, Method,
+    PhotonEmission, Photons, Profile, Projection, Records, Render, SingleScattering, Step, Surface, SurfaceEstimate,
+    SurfaceFilter, ToneMap, Unit, Volume, Window, World,
 };
 use super::table::{Item, Problems, Read, Table, unit};
 use super::text::text_of;
@@ -352,9 +352,9 @@ fn volume(table: &Table) -> Read<Volume> {
     let single_scattering =
         table.get_or("single_scattering", SingleScattering::Photons, |item| item.choice(&ways, &[]));
     let march = table.get("march", |item| march(&item.table()?));
-    let boundaries = table.get_or("boundaries", (), |item| item.choice(&[("lean", ())], &["none", "share"]));
+    let kinds = [("none", Boundaries::None), ("share", Boundaries::Share), ("lean", Boundaries::Lean)];
+    let boundaries = table.get_or("boundaries", Boundaries::Lean, |item| item.choice(&kinds, &[]));
     table.finish()?;
-    boundaries?;
     Ok(Volume {
         estimate: estimate?,
         kernel: kernel?,
@@ -363,6 +363,7 @@ fn volume(table: &Table) -> Read<Volume> {
         neighbours: neighbours?,
         pilot: pilot?,
         max_radius: max_radius?,
+        boundaries: boundaries?,
         march: march?,
         single_scattering: single_scattering?,
     })

@@ -171,6 +171,8 @@ pub struct Volume {
     pub pilot: Option<u32>,
     /// The cap of adaptive radii, above 0; `None`: chosen from the scene.
     pub max_radius: Option<f64>,
+    /// What is done about walls near photons.
+    pub boundaries: Boundaries,
     /// How rays are stepped through, where they are.
     pub march: Option<March>,
     /// Where light comes from that is scattered once.
@@ -185,6 +187,18 @@ pub enum Estimate {
     Beam,
     /// The photons around points on the ray.
     Point,
+}
+
+/// What is done about walls near photons: opaque surfaces, and boundaries of their medium.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Boundaries {
+    /// Nothing: each photon is spread over the whole of its disc or ball (Jarosz, Zwicker and Jensen 2008, Eqs. 21 and 22).
+    None,
+    /// It is spread over the share on its side of the walls.
+    Share,
+    /// And discs lie along the nearest boundary of their medium where they are wide against its mean free path.
+    Lean,
 }
 
 /// How photons count from their middle to their rim.
