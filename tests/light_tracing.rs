@@ -336,6 +336,84 @@ fn a_glowing_cloud() {
     compare("glow", GLOW, &[], (128, 192), 0.005);
 }
 
+/// Soap bubbles, one in the other, with smoke in the outer one and an ember in the inner one; lace on a pane. All under a round lamp and a
+/// wide sun, in haze.
+const BUBBLES: &str = r#"
+[film]
+width = 12
+height = 12
+[camera]
+position = [0, 0.6, 4.5]
+target = [0, 0.4, 0]
+fov = 40
+[world]
+medium = "haze"
+[media.haze]
+sigma_s = [0.05, 0.1, 0.15]
+sigma_a = 0.02
+phase = { type = "hg", g = 0.5 }
+[media.smoke]
+sigma_s = [0.8, 0.6, 0.4]
+sigma_a = 0.1
+[media.ember]
+sigma_s = 0.3
+sigma_a = [0.3, 0.4, 0.6]
+emission = { radiance = [1, 0.5, 0.2] }
+[materials.white]
+type = "lambert"
+reflectance = 0.7
+[materials.soap]
+type = "thin_dielectric"
+ior = [1.3, 1.5, 1.8]
+[materials.lace]
+type = "mix"
+a = "soap"
+b = { type = "mix", a = "none", b = "white" }
+[[shapes]]
+type = "quad"
+origin = [-3, -0.6, 3]
+edge_u = [6, 0, 0]
+edge_v = [0, 0, -6]
+material = "white"
+[[shapes]]
+type = "sphere"
+center = [-0.6, 0.5, 0]
+radius = 0.7
+interior = "smoke"
+material = "soap"
+[[shapes]]
+type = "sphere"
+center = [-0.5, 0.5, 0.1]
+radius = 0.4
+interior = "ember"
+material = "soap"
+priority = 1
+[[shapes]]
+type = "quad"
+origin = [0.1, -0.5, 0.4]
+edge_u = [1.2, 0, 0.3]
+edge_v = [0, 1.2, 0]
+material = "lace"
+[[shapes]]
+type = "sphere"
+center = [0.4, 1.5, -0.4]
+radius = 0.25
+emission = { radiance = 12 }
+[[lights]]
+type = "directional"
+direction = [0.2, -1, -0.5]
+irradiance = 0.5
+angle = 8
+"#;
+
+/// What sheets let pass is asked for, by shadow rays from all kinds of places and by connections to the camera, met by chance, and
+/// counted once; with few events, too.
+#[test]
+fn bubbles_and_a_pane() {
+    compare("bubbles", BUBBLES, &[], (16, 32), 0.04);
+    compare("bubbles, three events", BUBBLES, &["render.max_depth=3"], (16, 32), 0.04);
+}
+
 /// What it cannot see, and what it will never know, is said by name; a rough ball and a lens are no such things.
 #[test]
 fn what_it_does_not_see_is_said() {

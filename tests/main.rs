@@ -16,6 +16,7 @@ mod kinds;
 mod light_tracing;
 mod many_lights;
 mod materials;
+mod panes;
 mod passes;
 mod point_queries;
 mod references;

@@ -905,6 +905,9 @@ fn the_improbable_is_warned_about() {
         "shapes.0: has material \"none\"",
     );
     warned(&format!("{sun}{glass}[render]\nmethod = 'path'\n"), "does not see light of lights.0 by way of shapes.0");
+    let pane = glass.replace("'dielectric'", "'thin_dielectric'");
+    warned(&format!("{sun}{pane}[render]\nmethod = 'path'\n"), "does not see light of lights.0 that shapes.0 mirror;");
+    warned(&format!("{sun}{pane}[render]\nmethod = 'light'\n"), "does not see what shapes.0 mirror towards the camera");
     assert!(parse(&format!("{sun}{glass}{CAMERA}"), &[]).is_ok_and(|scene| scene.warnings.is_empty()));
 }
 

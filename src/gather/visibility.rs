@@ -229,7 +229,7 @@ mod tests {
     use crate::math::{Bounds, Rgb, Stream};
     use crate::photon::{Emission, ShadowPass, trace_shadows};
     use crate::scene::{self, Inside, Scene};
-    use crate::transport::{ShadowRay, transmit};
+    use crate::transport::{Events, ShadowRay, transmit};
 
     /// A round lamp above a plate above a floor, and a sky.
     const LAMP: &str = r#"
@@ -283,7 +283,7 @@ radius = 0.3
             let arrival = light.arrive(&scene.geometry, None, point, stream).expect("nothing shines below the floor");
             let ray = ShadowRay::new(point, point, arrival.direction, arrival.distance, arrival.normal);
             let mut weight = Rgb::ONE;
-            transmit(scene, ray, &Inside::default(), &mut weight, stream);
+            transmit(scene, ray, &Inside::default(), Events::unlimited(), &mut weight, stream);
             weight.x > 0.0
         });
         rays.count() as f64 / f64::from(RAYS)

@@ -6,9 +6,9 @@ use crate::transport::{Event, Interaction, Vertex};
 /// How light has come since it left its source.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Since {
-    /// Straight.
+    /// Straight, through sheets at most.
     Straight,
-    /// By refraction at smooth boundaries, and no other event.
+    /// By refraction at smooth boundaries, and no other event but these.
     Refracted,
     /// By any other way.
     Other,
@@ -37,9 +37,13 @@ impl History {
 
     /// This way with one more event, at a vertex.
     pub fn after(self, event: Event, at: &Vertex<'_>) -> Self {
-        let refracted = event == Event::Refracted && self.since != Since::Other;
+        let since = match event {
+            Event::Passed => self.since,
+            Event::Refracted if self.since != Since::Other => Since::Refracted,
+            _ => Since::Other,
+        };
         History {
-            since: if refracted { Since::Refracted } else { Since::Other },
+            since,
             bent: self.bent || event.bends(),
             uncast: self.uncast || event.bends() && !at.casts_caustics(),
             scattered: self.scattered || event == Event::Scattered,

@@ -142,6 +142,7 @@ impl ShadowTracer<'_> {
                 found.push(ShadowPhoton { position: at.point.as_vec3(), normal, light, sight: way.sight });
             }
             // Beyond what leaks, there may be some light.
+            way.leaks |= at.bsdf.is_sheet();
             way.sight = way.sight.max(if std::mem::take(&mut way.leaks) { Sight::Veiled } else { Sight::Dark });
             let straight_on = walk.ray.direction;
             walk.leave(&at, straight_on);
@@ -169,12 +170,12 @@ impl Visitor for Way<'_> {
         ControlFlow::Continue(())
     }
 
-    fn mixture(&mut self, passes: f64) -> Option<f64> {
+    fn mixture(&mut self, passes: f64, sheets: bool) -> Option<f64> {
         let kept = pass_by_chance(passes, self.stream);
         match kept {
             None if passes < 1.0 => self.sight = self.sight.max(Sight::Veiled),
             None => {}
-            Some(_) => self.leaks |= passes > 0.0,
+            Some(_) => self.leaks |= passes > 0.0 || sheets,
         }
         kept
     }

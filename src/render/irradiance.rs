@@ -16,7 +16,9 @@ use crate::math::random::{Purpose, mix};
 use crate::math::{Frame, Rgb, Stream};
 use crate::scene::Scene;
 use crate::surface::{Nature, Side};
-use crate::transport::{Heading, Interaction, Luggage, Part, Parts, Segment, Tally, Traveller, Vertex, Walk, travel};
+use crate::transport::{
+    Event, Heading, Interaction, Luggage, Part, Parts, Segment, Tally, Traveller, Vertex, Walk, travel,
+};
 
 /// What a pass's cache is filled from.
 pub(super) struct Filler<'r, 's> {
@@ -160,7 +162,8 @@ impl Found<'_> {
     }
 }
 
-/// Looks for the first Lambertian surface on the way of a camera ray. It carries the length of its way.
+/// Looks for the first Lambertian surface on the way of a camera ray. It carries the length of its way until it turned
+/// last.
 struct Finder<'s> {
     scene: &'s Scene,
     stream: Stream,
@@ -197,14 +200,14 @@ impl<'s> Traveller<'s> for Finder<'s> {
         _: &mut Parts<'s, f64>,
     ) -> Option<Heading> {
         let Vertex::Surface(surface) = at else { return None };
-        luggage.own += surface.t;
+        let distance = luggage.own + surface.t;
         luggage.events += 1;
         if luggage.weight.max_element() < FAINTEST || luggage.events > MOST_EVENTS {
             return None;
         }
         if surface.bsdf.nature() == Nature::Diffuse {
             if surface.bsdf.lambertian().is_some_and(|reflectance| reflectance.max_element() > 0.0) {
-                self.found = Some(Found { at: surface.clone(), walk: walk.clone(), distance: luggage.own });
+                self.found = Some(Found { at: surface.clone(), walk: walk.clone(), distance });
             }
             return None;
         }
@@ -213,6 +216,9 @@ impl<'s> Traveller<'s> for Finder<'s> {
             true
         };
         let onward = at.onward(Side::Eye, None, &mut luggage.weight, &mut self.stream, always)?;
+        if at.event(&onward) != Event::Passed {
+            luggage.own = distance;
+        }
         Some(Heading { direction: onward.direction, clearance: None })
     }
 

@@ -10,8 +10,8 @@
 //! with T what passes on the way, h the pixel's filter at the place x of the film where p is seen, s the edge of a
 //! pixel on a film at distance 1, and θ′ the angle to the axis (Veach 1997, §4.7 and §10.3). Of a camera with parallel
 //! rays, W = h(x) / (s² cos θ′). It is unbiased, and finds caustics as photons do. It does not find what is seen through
-//! smooth glass or in mirrors, which send nothing towards a given point. Emitters and the sky, seen directly, are left to
-//! camera rays.
+//! smooth boundaries or in mirrors, which send nothing towards a given point; sheets let connections pass. Emitters and the sky, seen
+//! directly or through sheets, are left to camera rays.
 //!
 //! Collisions are rare in thin media, and near the camera each counts for 1/d². So all that passes through such a medium is also
 //! connected from the middle of its flights, at a place drawn in proportion to the angle that the lens sees
@@ -284,7 +284,9 @@ impl Sending<'_, '_> {
         if weight.max_element() <= 0.0 {
             return;
         }
-        at.transmit(scene, (view.direction, view.distance, -view.direction), &mut weight, self.stream);
+        let Some(most) = self.tracer.max_events.left_after(events) else { return };
+        let way = (view.direction, view.distance, -view.direction);
+        let sheets = at.transmit(scene, way, most, &mut weight, self.stream);
         if weight.max_element() <= 0.0 {
             return;
         }
@@ -294,11 +296,12 @@ impl Sending<'_, '_> {
             return;
         }
         let first = match at.nature() {
+            _ if sheets > 0 => First::Specular,
             Nature::Diffuse if matches!(at, Vertex::Medium(_)) => First::Medium,
             Nature::Diffuse => First::Diffuse,
             Nature::Glossy | Nature::Narrow | Nature::Specular => First::Specular,
         };
-        let component = Component::of(Some(first), events, history.from_light, history.is_caustic());
+        let component = Component::of(Some(first), events + sheets, history.from_light, history.is_caustic());
         camera.spread(view, |pixel, part| {
             self.sent.splats.push(Splat { pixel, component, radiance: part * radiance });
         });

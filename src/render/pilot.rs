@@ -130,7 +130,7 @@ impl Pilot<'_> {
                 ControlFlow::Continue(())
             }
 
-            fn mixture(&mut self, passes: f64) -> Option<f64> {
+            fn mixture(&mut self, passes: f64, _: bool) -> Option<f64> {
                 pass_by_chance(passes, self.0)
             }
         }

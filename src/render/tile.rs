@@ -20,8 +20,8 @@ use crate::gather::{GatherStats, GlobalMap, IrradianceCache, Queue, SurfaceMap};
 use crate::math::Stream;
 use crate::photon::narrowing;
 use crate::scene::Scene;
-use crate::scene::description::{self, Method, Window};
-use crate::transport::{Events, Parts, Tally};
+use crate::scene::description::{self, Method, SingleScattering, Window};
+use crate::transport::{Parts, Tally};
 
 /// Pixels along the edge of a tile, the work of one task.
 const TILE: u32 = 16;
@@ -81,21 +81,22 @@ impl<P: Progress> Renderer<'_, P> {
     pub(super) fn expose(&mut self, mode: Mode<'_>, maps: Option<&Maps>, pass: u32) {
         let tiles = Tiles::of(self.camera.window());
         let tiles = tiles.columns * tiles.rows;
-        // Of light that is sent, camera rays see only what comes straight from an emitter.
+        // Of light that is sent, camera rays see only what comes straight from an emitter, through sheets at most.
         let sends = self.plan.method == Method::Light;
         let lamps = sends.then(|| LightTracer::new(self.scene, &self.camera, &self.plan, pass, self.stop));
         let tasks = lamps.as_ref().map_or(0, LightTracer::tasks_in_sample);
         let traced = self.plan.traced.clone();
         let settings = EyeSettings {
             mode,
-            max_events: if sends { Events::at_most(0) } else { self.plan.max_events },
-            single_scattering: self.plan.single_scattering,
+            max_events: self.plan.max_events,
+            single_scattering: if sends { SingleScattering::Photons } else { self.plan.single_scattering },
             marchers: traced.as_deref(),
             caustics: maps.and_then(|maps| maps.caustic.as_ref()),
             visibility: maps.and_then(|maps| maps.visibility.as_ref()),
             indirect: indirect(&self.plan, maps),
             light_samples: self.plan.light_samples,
             whitted: self.plan.method == Method::Whitted,
+            sends,
             spread: self.camera.cone().map(|width| width * footprint(self.plan.samples)),
             stop: self.stop,
         };

@@ -10,4 +10,6 @@ pub struct Mixture {
     pub weight: f64,
     /// Whether some light passes, through `none`.
     pub has_holes: bool,
+    /// Whether some light passes straight on, through sheets.
+    pub has_sheets: bool,
 }

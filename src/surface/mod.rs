@@ -68,7 +68,7 @@ pub enum Material {
     None,
     /// One of two materials, by chance wherever light meets it.
     Mixture(Mixture),
-    /// Reflects, and lets no light pass that is asked for.
+    /// Reflects; of light that is asked for, only a sheet lets some pass.
     // Serialised as scene files say it: `lambert`, not `opaque.lambert`. Serde wants such a variant last.
     #[serde(untagged)]
     Opaque(Bsdf),
@@ -82,13 +82,22 @@ impl Material {
     /// Whether no light passes through that is asked for.
     pub fn is_opaque(&self) -> bool {
         match self {
+            Material::Opaque(bsdf) => !bsdf.is_sheet(),
+            Material::Mixture(mixture) => !mixture.has_holes && !mixture.has_sheets,
+            Material::Dielectric(_) | Material::None => false,
+        }
+    }
+
+    /// Whether nothing passes as if it were not there, so that light on its one side is not that on the other.
+    pub fn is_wall(&self) -> bool {
+        match self {
             Material::Opaque(_) => true,
             Material::Mixture(mixture) => !mixture.has_holes,
             Material::Dielectric(_) | Material::None => false,
         }
     }
 
-    /// Whether it keeps off any light that is asked for.
+    /// Whether it may keep off light that is asked for.
     pub fn shades(&self) -> bool {
         matches!(self, Material::Opaque(_) | Material::Mixture(_))
     }
@@ -246,7 +255,7 @@ impl Bsdf {
             Bsdf::Reflector(reflector) => reflector.sample(at, stream),
             Bsdf::Coated(coated) => coated.sample(at, lobe, stream),
             Bsdf::Mix(mix) => mix.sample(at, stream),
-            Bsdf::Thin(thin) => return thin.onward(at, side, weight, stream),
+            Bsdf::Thin(thin) => return thin.onward(at, side, lobe, weight, stream),
             Bsdf::Smooth(smooth) => return smooth.onward(at, side, lobe, weight, stream),
             Bsdf::Rough(rough) => return rough.onward(at, side, lobe, weight, stream),
         };
@@ -339,10 +348,11 @@ impl Bsdf {
         }
     }
 
-    /// What passes if light goes straight on through a smooth boundary; `None` where nothing does.
+    /// What passes if light goes straight on through a smooth boundary or a sheet; `None` where nothing does.
     pub fn straight(&self, at: &Incidence) -> Option<Straight> {
         match self {
             Bsdf::Smooth(smooth) => Some(smooth.straight(at)),
+            Bsdf::Thin(thin) => Some(thin.straight(at)),
             _ => None,
         }
     }

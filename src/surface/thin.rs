@@ -1,6 +1,6 @@
 use super::mirror::reflect;
-use super::{Incidence, Lobe, Onward, Side, fresnel};
-use crate::math::{Rgb, Stream};
+use super::{Incidence, Lobe, Onward, Side, Straight, fresnel};
+use crate::math::{DVec3, Rgb, Stream};
 
 /// A sheet of a dielectric without thickness, as of window glass or soap: light is reflected or goes straight on, after any number
 /// of reflections between its two faces: R = F + (1 − F)² F/(1 − F²) = 2F/(1 + F). Nothing is absorbed.
@@ -11,18 +11,32 @@ pub struct Thin {
 }
 
 impl Thin {
-    fn reflected(&self, cos: f64) -> Rgb {
-        self.index.map(|index| {
-            let once = fresnel(cos, 1.0, index);
+    /// The part of each channel that is reflected, and about which normal: the same from both ends of a way.
+    fn reflected(&self, at: &Incidence) -> (DVec3, Rgb) {
+        let normal = at.specular_normal(|normal| Some(reflect(at.direction, normal)), true);
+        let reflected = self.index.map(|index| {
+            let once = fresnel(-at.direction.dot(normal), 1.0, index);
             2.0 * once / (1.0 + once)
-        })
+        });
+        (normal, reflected)
     }
 
-    /// Reflects or passes by chance. Shading normals turn what is reflected only.
-    pub(super) fn onward(&self, at: &Incidence, side: Side, weight: &mut Rgb, stream: &mut Stream) -> Option<Onward> {
-        let normal = at.specular_normal(|normal| Some(reflect(at.direction, normal)), true);
-        let reflected = self.reflected(-at.direction.dot(normal));
-        if Lobe::take(None, reflected, weight, stream) == Lobe::Refracted {
+    /// What passes, all of it straight on.
+    pub(super) fn straight(&self, at: &Incidence) -> Straight {
+        Straight { passed: Rgb::ONE - self.reflected(at).1, longer: Rgb::ONE }
+    }
+
+    /// Reflects or passes, by chance or as `lobe` says. Shading normals turn what is reflected only.
+    pub(super) fn onward(
+        &self,
+        at: &Incidence,
+        side: Side,
+        lobe: Option<Lobe>,
+        weight: &mut Rgb,
+        stream: &mut Stream,
+    ) -> Option<Onward> {
+        let (normal, reflected) = self.reflected(at);
+        if Lobe::take(lobe, reflected, weight, stream) == Lobe::Refracted {
             return Some(Onward { direction: at.direction, density: 0.0 });
         }
         let direction = reflect(at.direction, normal);

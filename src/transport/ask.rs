@@ -61,7 +61,8 @@ impl Draw {
     }
 }
 
-/// Where a path turned last, and with what density its direction was drawn: what light that it meets shares with.
+/// Where a path turned last, and with what density its direction was drawn: what light that it meets shares with. To pass a sheet
+/// straight on is no turn: shadow rays do so, too.
 #[derive(Clone, Debug)]
 pub enum Turn {
     /// At the camera, or by a specular event: no one else can find that light.
@@ -72,8 +73,10 @@ pub enum Turn {
         receiver: Receiver,
         /// The density of the direction per steradian.
         density: f64,
-        /// Whether glowing media were asked, too.
-        glows: bool,
+        /// How many shadow rays asked for light there,
+        rays: u32,
+        /// and how many points of glowing media were asked.
+        embers: u32,
     },
     /// At a collision in a medium.
     Medium {
@@ -87,12 +90,12 @@ pub enum Turn {
 }
 
 impl Turn {
-    /// The part of light that was met by chance on a shape that shines, where surfaces were asked for light `count` times.
-    pub fn share_of_crossing(&self, scene: &Scene, crossing: &Crossing<'_>, count: u32) -> f64 {
+    /// The part of light that was met by chance on a shape that shines.
+    pub fn share_of_crossing(&self, scene: &Scene, crossing: &Crossing<'_>) -> f64 {
         match self {
             Turn::Specular => 1.0,
-            Turn::Surface { receiver, density, .. } => {
-                balance(*density, f64::from(count) * density_of_crossing(scene, crossing, receiver))
+            Turn::Surface { receiver, density, rays, .. } => {
+                balance(*density, f64::from(*rays) * density_of_crossing(scene, crossing, receiver))
             }
             Turn::Medium { point, density, landing } => {
                 let asked = density_of_crossing(scene, crossing, &Receiver::around(*point));
@@ -101,26 +104,25 @@ impl Turn {
         }
     }
 
-    /// The part of what was met by chance of light `index`, which shines from infinity along `direction`, where surfaces were asked
-    /// for light `count` times.
-    pub fn share_of_escape(&self, scene: &Scene, index: u32, direction: DVec3, count: u32) -> f64 {
-        let (receiver, density, count) = match self {
+    /// The part of what was met by chance of light `index`, which shines from infinity along `direction`.
+    pub fn share_of_escape(&self, scene: &Scene, index: u32, direction: DVec3) -> f64 {
+        let (receiver, density, rays) = match self {
             Turn::Specular => return 1.0,
-            Turn::Surface { receiver, density, .. } => (*receiver, *density, count),
+            Turn::Surface { receiver, density, rays, .. } => (*receiver, *density, *rays),
             Turn::Medium { point, density, .. } => (Receiver::around(*point), *density, 1),
         };
         let light = &scene.lights[index as usize];
         let emitter = Emitter { light: index, triangle: None };
         let asked = scene.light_choice(emitter, &receiver) * light.escaping_density(direction);
-        balance(density, f64::from(count) * asked)
+        balance(density, f64::from(rays) * asked)
     }
 
-    /// Who else sends a path the light of a glowing medium: points of it, of which `count` were asked for light.
-    pub fn rival<'s>(&self, glows: &Glows<'s>, medium: u32, count: u32) -> Option<Rival<'s>> {
+    /// Who else sends a path the light of a glowing medium: points of it that were asked for light.
+    pub fn rival<'s>(&self, glows: &Glows<'s>, medium: u32) -> Option<Rival<'s>> {
         match self {
-            Turn::Specular | Turn::Surface { glows: false, .. } => None,
-            Turn::Surface { receiver: Receiver { point, .. }, density, glows: true }
-            | Turn::Medium { point, density, .. } => glows.rival(medium, *point, count, *density),
+            Turn::Specular | Turn::Surface { embers: 0, .. } => None,
+            Turn::Surface { receiver, density, embers, .. } => glows.rival(medium, receiver.point, *embers, *density),
+            Turn::Medium { point, density, .. } => glows.rival(medium, *point, 1, *density),
         }
     }
 }
@@ -141,7 +143,7 @@ mod tests {
     use crate::scene;
     use crate::surface::{Bsdf, Incidence, Lambert, Reflector, Side};
     use crate::transport::tests::{interaction, random};
-    use crate::transport::{Interaction, Segment, Stop, Vertex, Visitor, Walk};
+    use crate::transport::{Events, Interaction, Segment, Stop, Vertex, Visitor, Walk};
     use std::convert::Infallible;
     use std::ops::ControlFlow;
 
@@ -188,14 +190,14 @@ intensity = 0.7
             ControlFlow::Continue(())
         }
 
-        fn mixture(&mut self, _: f64) -> Option<f64> {
+        fn mixture(&mut self, _: f64, _: bool) -> Option<f64> {
             None
         }
 
         fn crossing(&mut self, crossing: &Crossing<'_>) {
             let Light::Area(area) = &self.scene.lights[crossing.light as usize] else { return };
             let radiance = area.radiance(crossing.hit.normal, -crossing.ray.direction).x;
-            self.found += radiance * self.turn.share_of_crossing(self.scene, crossing, 1);
+            self.found += radiance * self.turn.share_of_crossing(self.scene, crossing);
         }
     }
 
@@ -230,7 +232,7 @@ intensity = 0.7
                     });
                     asked = weights.map(|mut weight| {
                         let way = (towards, light.arrival.distance, light.arrival.normal);
-                        vertex.transmit(&scene, way, &mut weight, &mut stream);
+                        vertex.transmit(&scene, way, Events::unlimited(), &mut weight, &mut stream);
                         weight.x
                     });
                 }
@@ -241,14 +243,14 @@ intensity = 0.7
                     true
                 });
                 let onward = onward.expect("white surfaces absorb nothing");
-                let turn = Turn::Surface { receiver: vertex.receiver(), density: onward.density, glows: false };
+                let turn = Turn::Surface { receiver: vertex.receiver(), density: onward.density, rays: 1, embers: 0 };
                 let (ray, inside) = at.departure(onward.direction);
                 let mut meeting = Meeting { scene: &scene, turn, found: 0.0 };
                 if let Stop::Escaped = Walk::new(&scene, ray, inside).advance(&mut meeting) {
                     for (index, light) in scene.lights.iter().enumerate() {
                         let radiance = light.escaping(onward.direction).x;
                         if radiance > 0.0 {
-                            let share = meeting.turn.share_of_escape(&scene, index as u32, onward.direction, 1);
+                            let share = meeting.turn.share_of_escape(&scene, index as u32, onward.direction);
                             meeting.found += radiance * share;
                         }
                     }

@@ -223,7 +223,7 @@ impl<'s, T: Traveller<'s>> Visitor for Passage<'_, 's, T> {
         self.traveller.crossing(crossing, self.luggage);
     }
 
-    fn mixture(&mut self, passes: f64) -> Option<f64> {
+    fn mixture(&mut self, passes: f64, _: bool) -> Option<f64> {
         pass_by_chance(passes, self.traveller.stream())
     }
 }

@@ -8,25 +8,27 @@ use smallvec::SmallVec;
 use super::events::Events;
 use super::flight::pass;
 use super::segment::Segment;
-use super::walk::{Stop, Visitor, Walk};
+use super::surface::Interaction;
+use super::walk::{Stop, Visitor, Walk, pass_by_chance};
 use crate::math::{DVec3, Ray, Rgb, Stream, error_bound};
 use crate::medium::transmittance;
 use crate::scene::{Inside, Scene};
 
 /// Remembers the segments on the way, to be paid for once the way is known to be free.
-struct Way {
+struct Way<'w> {
     segments: SmallVec<[(u32, f64, f64); 4]>,
     /// The share that passes through holes.
     passes: f64,
+    stream: &'w mut Stream,
 }
 
-impl Default for Way {
-    fn default() -> Self {
-        Way { segments: SmallVec::new(), passes: 1.0 }
+impl<'w> Way<'w> {
+    fn new(stream: &'w mut Stream) -> Self {
+        Way { segments: SmallVec::new(), passes: 1.0, stream }
     }
 }
 
-impl Visitor for Way {
+impl Visitor for Way<'_> {
     type End = Infallible;
 
     fn segment(&mut self, segment: &Segment<'_>) -> ControlFlow<Infallible> {
@@ -34,8 +36,11 @@ impl Visitor for Way {
         ControlFlow::Continue(())
     }
 
-    /// All of what passes, instead of all by chance.
-    fn mixture(&mut self, passes: f64) -> Option<f64> {
+    /// All of what passes, instead of all by chance; by chance where some passes otherwise, too.
+    fn mixture(&mut self, passes: f64, sheets: bool) -> Option<f64> {
+        if sheets {
+            return pass_by_chance(passes, self.stream);
+        }
         self.passes *= passes;
         if passes > 0.0 { None } else { Some(0.0) }
     }
@@ -81,36 +86,68 @@ impl ShadowRay {
 }
 
 /// Multiplies `weight` by an unbiased estimate of what passes along a ray that starts inside these solids: through media and
-/// index-matched boundaries, the share that mixtures with holes let pass, nothing through surfaces.
-pub fn transmit(scene: &Scene, shadow: ShadowRay, inside: &Inside, weight: &mut Rgb, stream: &mut Stream) {
+/// index-matched boundaries, straight through `most` sheets, the share that mixtures with holes let pass, nothing through other
+/// surfaces. Returns the number of sheets, each of which is an event.
+pub fn transmit(
+    scene: &Scene,
+    shadow: ShadowRay,
+    inside: &Inside,
+    most: Events,
+    weight: &mut Rgb,
+    stream: &mut Stream,
+) -> u64 {
     let ShadowRay { ray, length: distance } = shadow;
-    let mut way = Way::default();
+    let mut way = Way::new(stream);
+    let mut sheets = 0;
     if scene.solids.is_empty() && !scene.has_holes {
         if scene.geometry.occluded(&ray, 0.0, distance, |id| scene.surfaces[id as usize].material.is_opaque()) {
             *weight = Rgb::ZERO;
-            return;
+            return sheets;
         }
         if let Some(world) = scene.world {
             way.segments.push((world, 0.0, distance));
         }
     } else {
         let mut walk = Walk::new(scene, ray, inside.clone()).until(distance);
-        if !walk.is_free() || matches!(walk.advance(&mut way), Stop::Surface(_)) {
+        if !walk.is_free() {
             *weight = Rgb::ZERO;
-            return;
+            return sheets;
+        }
+        if let Stop::Surface(at) = walk.advance(&mut way) {
+            sheets = pass_sheets(&mut walk, &at, &mut way, most, weight);
         }
         *weight *= way.passes;
     }
     for (medium, a, b) in way.segments {
         pass(&scene.media[medium as usize], &ray, (a, b), weight, stream);
         if weight.max_element() <= 0.0 {
-            return;
+            break;
         }
     }
+    sheets
 }
 
-/// As [`transmit`], and straight on through `most` refracting boundaries (Jensen 2001, §10.8.2), each of which
-/// lets 1 − F of the light pass. Before one beyond which the index is lower, refracted light would have gone another
+/// Goes on from the first sheet, straight through `most` at most; nothing of `weight` is left if there is another surface in the way.
+/// Returns their number.
+#[cold]
+fn pass_sheets(walk: &mut Walk<'_>, first: &Interaction, way: &mut Way<'_>, most: Events, weight: &mut Rgb) -> u64 {
+    let mut sheets = 0;
+    let mut pass = |walk: &mut Walk<'_>, at: &Interaction| {
+        let passed = at.sheet().filter(|_| most.allows(sheets));
+        *weight *= passed.unwrap_or(Rgb::ZERO);
+        sheets += 1;
+        walk.leave(at, at.incidence.direction);
+        passed.is_some()
+    };
+    let mut goes_on = pass(walk, first);
+    while goes_on && let Stop::Surface(at) = walk.advance(way) {
+        goes_on = pass(walk, &at);
+    }
+    sheets
+}
+
+/// As [`transmit`], and straight on through refracting boundaries (Jensen 2001, §10.8.2), each of which lets 1 − F of the light
+/// pass; `most` of these and of sheets together. Before one beyond which the index is lower, refracted light would have gone another
 /// way through the medium: its length takes the place of the straight one (Eq. 10.31).
 pub fn transmit_straight(
     scene: &Scene,
@@ -119,12 +156,13 @@ pub fn transmit_straight(
     most: Events,
     weight: &mut Rgb,
     stream: &mut Stream,
-) {
+) -> u64 {
     let mut inside = inside.clone();
     let mut left = most;
+    let mut sheets = 0;
     loop {
         let ShadowRay { ray, length } = shadow;
-        let mut way = Way::default();
+        let mut way = Way::new(stream);
         let stop = Walk::new(scene, ray, inside).until(length).advance(&mut way);
         let at = match stop {
             Stop::Surface(at) => Some(at),
@@ -135,9 +173,10 @@ pub fn transmit_straight(
         if let Some(at) = &at {
             let (Some(straight), Some(fewer)) = (at.bsdf.straight(&at.incidence), left.left_after(1)) else {
                 *weight = Rgb::ZERO;
-                return;
+                return sheets;
             };
             left = fewer;
+            sheets += u64::from(at.bsdf.is_sheet());
             *weight *= straight.passed;
             longer = straight.longer;
         }
@@ -149,10 +188,10 @@ pub fn transmit_straight(
                 *weight *= transmittance(medium.extinction * longer, medium.density.depth(&ray, a, b));
             }
             if weight.max_element() <= 0.0 {
-                return;
+                return sheets;
             }
         }
-        let Some(at) = at else { return };
+        let Some(at) = at else { return sheets };
         let onward;
         (onward, inside) = at.departure(ray.direction);
         shadow = shadow.from(onward.origin);

@@ -1,6 +1,6 @@
 //! A place where a walk meets a surface.
 
-use crate::math::{DVec3, Ray};
+use crate::math::{DVec3, Ray, Rgb};
 use crate::scene::Inside;
 use crate::scene::description::Caustics;
 use crate::surface::{Bsdf, Incidence, Nature, Onward};
@@ -60,14 +60,26 @@ impl Interaction {
     /// What happened to what went on so.
     #[inline]
     pub fn event(&self, onward: &Onward) -> Event {
-        let through = onward.direction.dot(self.incidence.normal) < 0.0;
-        match (onward.density > 0.0, through) {
-            (true, _) if self.bsdf.nature() == Nature::Narrow => Event::Narrow,
-            (true, _) => Event::Scattered,
-            (false, true) if self.bsdf.is_sheet() => Event::Passed,
-            (false, true) => Event::Refracted,
-            (false, false) => Event::Mirrored,
+        match onward.density > 0.0 {
+            true if self.bsdf.nature() == Nature::Narrow => Event::Narrow,
+            true => Event::Scattered,
+            false if self.is_passed_along(onward.direction) => Event::Passed,
+            false if onward.direction.dot(self.incidence.normal) < 0.0 => Event::Refracted,
+            false => Event::Mirrored,
         }
+    }
+
+    /// Whether what leaves along `direction` has passed straight through a sheet.
+    #[inline]
+    pub fn is_passed_along(&self, direction: DVec3) -> bool {
+        self.bsdf.is_sheet() && direction.dot(self.incidence.normal) < 0.0
+    }
+
+    /// What passes straight through, if it is a sheet: by channel.
+    #[inline]
+    pub fn sheet(&self) -> Option<Rgb> {
+        let straight = self.bsdf.straight(&self.incidence).filter(|_| self.bsdf.is_sheet())?;
+        Some(straight.passed)
     }
 
     /// The solids on the side that `direction` points to.

@@ -1,5 +1,6 @@
 //! A vertex: where a path turns, and what is done with light there.
 
+use super::events::Events;
 use super::shadow::{ShadowRay, transmit};
 use super::surface::{Event, Interaction};
 use crate::light::Receiver;
@@ -141,23 +142,24 @@ impl Vertex<'_> {
     }
 
     /// Multiplies `weight` by an unbiased estimate of what passes to here from the point of a surface with this normal, or without
-    /// one, that lies `distance` away along `o`: see [`transmit`].
+    /// one, that lies `distance` away along `o`, through `most` sheets. Returns their number: see [`transmit`].
     pub fn transmit(
         &self,
         scene: &Scene,
         (o, distance, normal): (DVec3, f64, DVec3),
+        most: Events,
         weight: &mut Rgb,
         stream: &mut Stream,
-    ) {
+    ) -> u64 {
         match self {
             Vertex::Surface(at) => {
                 let (ray, inside) = at.departure(o);
                 let shadow = ShadowRay::new(ray.origin, at.point, o, distance, normal);
-                transmit(scene, shadow, &inside, weight, stream);
+                transmit(scene, shadow, &inside, most, weight, stream)
             }
             Vertex::Medium(at) => {
                 let shadow = ShadowRay::new(at.point, at.point, o, distance, normal);
-                transmit(scene, shadow, at.inside, weight, stream);
+                transmit(scene, shadow, at.inside, most, weight, stream)
             }
         }
     }

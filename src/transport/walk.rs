@@ -48,8 +48,8 @@ pub trait Visitor {
     /// Meets a surface that shines.
     fn crossing(&mut self, _crossing: &Crossing<'_>) {}
     /// Meets a mixture of materials, through which this share of light passes as if it were not there: `None` is to pass, a
-    /// uniform number from [0, 1) chooses what is met among the others.
-    fn mixture(&mut self, passes: f64) -> Option<f64>;
+    /// uniform number from [0, 1) chooses what is met among the others, of which some may be `sheets`.
+    fn mixture(&mut self, passes: f64, sheets: bool) -> Option<f64>;
 }
 
 /// What light does that passes a mixture by chance, or is kept by it.
@@ -71,6 +71,7 @@ pub enum Stop<E> {
 
 impl<'s> Walk<'s> {
     /// A walk that starts with `ray`, inside these solids.
+    #[inline]
     pub fn new(scene: &'s Scene, ray: Ray, inside: Inside) -> Self {
         let cluster = Cluster::default();
         Walk {
@@ -108,12 +109,14 @@ impl<'s> Walk<'s> {
     }
 
     /// This walk, ending at parameter `limit`: what lies beyond is escape.
+    #[inline]
     pub fn until(self, limit: f64) -> Self {
         Walk { limit, ..self }
     }
 
     /// Looks for all surfaces on the line at once. Returns whether none is opaque; what is left to do then is to see what the
     /// others do, in their order.
+    #[inline]
     pub fn is_free(&mut self) -> bool {
         let blocks = |id| self.scene.surfaces[id as usize].material.is_opaque();
         self.collected = true;
@@ -179,9 +182,14 @@ impl<'s> Walk<'s> {
             if let Some((hit, bsdf, relief)) = self.bsdf(&after, visitor) {
                 return self.stop(hit, &bsdf, relief, after);
             }
-            self.crossed = self.cluster.hits().last().map_or(end, |hit| hit.t) + error_bound(&self.ray, end);
-            self.inside = after;
+            self.cross(after);
         }
+    }
+
+    /// Goes on beyond all that there is where it has come to.
+    fn cross(&mut self, after: Inside) {
+        self.crossed = self.cluster.hits().last().map_or(self.t, |hit| hit.t) + error_bound(&self.ray, self.t);
+        self.inside = after;
     }
 
     /// What the surfaces at one place do together: an opaque one decides; else a change of index.
@@ -227,7 +235,8 @@ impl<'s> Walk<'s> {
     fn mixture<V: Visitor>(&self, hit: &Hit, visitor: &mut V) -> Option<(Bsdf, Option<u32>)> {
         let Surface { material, paint, .. } = self.scene.surfaces[hit.id as usize];
         let (finish, at) = (Finish { material, paint }, self.texture_point(hit, true));
-        let u = visitor.mixture(self.scene.passes(&finish, &at))?;
+        let sheets = matches!(material, Material::Mixture(mixture) if mixture.has_sheets);
+        let u = visitor.mixture(self.scene.passes(&finish, &at), sheets)?;
         match self.scene.met(&finish, &at, u)? {
             (Finish { material: Material::Opaque(bsdf), paint }, relief) => {
                 Some((self.painted(hit, bsdf, paint), relief))
@@ -315,8 +324,12 @@ impl<'s> Walk<'s> {
         self.clear = (clear * (1.0 - 1e-6) - error_bound(&self.ray, clear)).max(0.0);
     }
 
-    /// Leaves a surface along `direction`, on the side that points to.
+    /// Leaves a surface, at which it stopped, along `direction`, on the side that points to. What passes a sheet stays on its line: how
+    /// far it has come since it turned still counts.
     pub fn leave(&mut self, at: &Interaction, direction: DVec3) {
+        if at.is_passed_along(direction) {
+            return self.cross(at.after.clone());
+        }
         let (ray, inside) = at.departure(direction);
         self.cone[0] = self.width(at.t);
         self.ray = ray;
@@ -353,7 +366,7 @@ mod tests {
             ControlFlow::Continue(())
         }
 
-        fn mixture(&mut self, _: f64) -> Option<f64> {
+        fn mixture(&mut self, _: f64, _: bool) -> Option<f64> {
             None
         }
     }

@@ -138,7 +138,7 @@ fn is_free(scene: &Scene, place: Place, aside: DVec3, height: f64) -> bool {
     let mut free = true;
     scene.geometry.all_hits(&ray, 0.0, length, |hit| {
         let facing = if hit.normal.dot(direction) > 0.0 { -hit.normal } else { hit.normal };
-        free &= facing.dot(place.normal) >= SLOPE || !scene.surfaces[hit.id as usize].material.is_opaque();
+        free &= facing.dot(place.normal) >= SLOPE || !scene.surfaces[hit.id as usize].material.is_wall();
     });
     free
 }

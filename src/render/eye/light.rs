@@ -19,13 +19,13 @@ use crate::transport::{
 const EMBERS: u32 = 4;
 
 impl Looking<'_, '_, '_> {
-    /// How many points of glowing media are asked for light where a path turned last.
+    /// How many points of glowing media are asked for light where a path turns.
     pub(super) fn embers(&self, events: u64) -> u32 {
         if self.eye.has_photons() && events == 1 { EMBERS } else { 1 }
     }
 
-    /// How many shadow rays ask for light at the surface where a path turned last.
-    fn shadow_rays(&self, events: u64) -> u32 {
+    /// How many shadow rays ask for light at a surface where a path turns.
+    pub(super) fn shadow_rays(&self, events: u64) -> u32 {
         if events == 1 { self.eye.settings.light_samples } else { 1 }
     }
 
@@ -61,8 +61,9 @@ impl Looking<'_, '_, '_> {
         });
         if weight.max_element() > 0.0 {
             let way = (ember.direction, ember.distance, -ember.direction);
-            at.transmit(self.eye.scene, way, &mut weight, stream);
-            self.sample.radiance[luggage.own.component(luggage.events, false) as usize] += weight;
+            let most = self.eye.left_after(luggage.events);
+            let sheets = at.transmit(self.eye.scene, way, most, &mut weight, stream);
+            self.sample.radiance[luggage.own.component(luggage.events + sheets, false) as usize] += weight;
         }
     }
 
@@ -93,23 +94,19 @@ impl Looking<'_, '_, '_> {
         }
 
         // What is in its way.
-        match at {
+        let most = self.eye.left_after(luggage.events);
+        let Arrival { direction, distance, normal, .. } = arrival;
+        let sheets = match at {
             Vertex::Medium(at) if straight_on => {
-                let shadow = ShadowRay::new(at.point, at.point, arrival.direction, arrival.distance, arrival.normal);
-                let most = self.eye.left_after(luggage.events);
-                transmit_straight(scene, shadow, at.inside, most, &mut weight, stream);
+                let shadow = ShadowRay::new(at.point, at.point, direction, distance, normal);
+                transmit_straight(scene, shadow, at.inside, most, &mut weight, stream)
             }
-            Vertex::Surface(surface) if !self.must_ask(surface, &asked, &mut weight) => {}
-            _ => at.transmit(
-                scene,
-                (arrival.direction, arrival.distance, arrival.normal),
-                &mut weight,
-                self.context.stream,
-            ),
-        }
+            Vertex::Surface(surface) if !self.must_ask(surface, &asked, &mut weight) => 0,
+            _ => at.transmit(scene, (direction, distance, normal), most, &mut weight, self.context.stream),
+        };
         // It comes straight to here: a caustic if a narrow lobe sends it on, but not for what was mirrored before on the eye's side.
         let caustic = at.nature() == Nature::Narrow && luggage.own.spread == Spread::First;
-        let component = Component::of(luggage.own.first, luggage.events, true, caustic);
+        let component = Component::of(luggage.own.first, luggage.events + sheets, true, caustic);
         self.sample.radiance[component as usize] += weight;
     }
 
@@ -143,9 +140,20 @@ impl Looking<'_, '_, '_> {
         luggage.weight *= at.medium.albedo;
         luggage.own.turn = Turn::Medium { point: at.point, density, landing };
         let mut walk = Walk::new(scene, Ray::new(at.point, direction), at.inside.clone());
+        let max_events = self.eye.settings.max_events;
         let mut arriving = Arriving { looking: self, luggage: &mut luggage };
-        if let Stop::Escaped = walk.advance(&mut arriving) {
-            self.escape(direction, &luggage);
+        loop {
+            match walk.advance(&mut arriving) {
+                Stop::Surface(at) => {
+                    let passed = at.sheet().filter(|_| max_events.allows(arriving.luggage.events));
+                    let Some(passed) = passed else { return };
+                    arriving.luggage.weight *= passed;
+                    arriving.luggage.events += 1;
+                    walk.leave(&at, direction);
+                }
+                Stop::Escaped => return self.escape(direction, &luggage),
+                Stop::Ended(()) => return,
+            }
         }
     }
 
@@ -183,13 +191,9 @@ impl Looking<'_, '_, '_> {
         let events = luggage.events + 1;
         let Arrival { direction, distance, normal, .. } = draw.arrival;
         let shadow = ShadowRay::new(point, point, direction, distance, normal);
-        if self.eye.straight_on() {
-            let most = self.eye.left_after(events);
-            transmit_straight(scene, shadow, segment.inside, most, &mut weight, stream);
-        } else {
-            transmit(scene, shadow, segment.inside, &mut weight, stream);
-        }
-        self.sample.radiance[luggage.own.scattered().component(events, true) as usize] += weight;
+        let transmit = if self.eye.straight_on() { transmit_straight } else { transmit };
+        let sheets = transmit(scene, shadow, segment.inside, self.eye.left_after(events), &mut weight, stream);
+        self.sample.radiance[luggage.own.scattered().component(events + sheets, true) as usize] += weight;
     }
 
     /// Light of caustics, from photons.
@@ -265,8 +269,7 @@ impl Looking<'_, '_, '_> {
         let Light::Area(area) = &self.eye.scene.lights[crossing.light as usize] else { return };
         let radiance = area.radiance(crossing.hit.normal, -crossing.ray.direction);
         if radiance.max_element() > 0.0 {
-            let count = self.shadow_rays(luggage.events);
-            let share = luggage.own.turn.share_of_crossing(self.eye.scene, crossing, count);
+            let share = luggage.own.turn.share_of_crossing(self.eye.scene, crossing);
             let component = luggage.own.component(luggage.events, true);
             self.sample.radiance[component as usize] += luggage.weight * radiance * share;
         }
@@ -278,11 +281,10 @@ impl Looking<'_, '_, '_> {
             return;
         }
         let component = luggage.own.component(luggage.events, true) as usize;
-        let count = self.shadow_rays(luggage.events);
         for &index in self.eye.scene.emitters.infinite() {
             let radiance = self.eye.scene.lights[index as usize].escaping(direction);
             if radiance.max_element() > 0.0 {
-                let share = luggage.own.turn.share_of_escape(self.eye.scene, index, direction, count);
+                let share = luggage.own.turn.share_of_escape(self.eye.scene, index, direction);
                 self.sample.radiance[component] += luggage.weight * radiance * share;
             }
         }
@@ -316,7 +318,7 @@ impl Visitor for Arriving<'_, '_, '_, '_> {
         self.looking.meet(crossing, self.luggage);
     }
 
-    fn mixture(&mut self, passes: f64) -> Option<f64> {
+    fn mixture(&mut self, passes: f64, _: bool) -> Option<f64> {
         transport::pass_by_chance(passes, self.looking.context.stream)
     }
 }

@@ -89,7 +89,7 @@ impl<'s> Looking<'_, '_, 's> {
         }
 
         // What voxels emit is met on the way.
-        let rival = luggage.own.turn.rival(&self.eye.glows, segment.medium, self.embers(luggage.events));
+        let rival = luggage.own.turn.rival(&self.eye.glows, segment.medium);
         let component = luggage.own.component(luggage.events, false) as usize;
         let glows = matches!(medium.emission, Emission::BlackBody { .. });
         let Context { stream, tally, .. } = &mut *self.context;
@@ -136,7 +136,7 @@ impl<'s> Looking<'_, '_, 's> {
     /// What a medium emits, met by chance.
     fn glow(&mut self, segment: &Segment<'_>, medium: &Medium, luggage: &Luggage<Path>) {
         let (ray, range, weight) = (segment.ray, (segment.a, segment.b), luggage.weight);
-        let rival = luggage.own.turn.rival(&self.eye.glows, segment.medium, self.embers(luggage.events));
+        let rival = luggage.own.turn.rival(&self.eye.glows, segment.medium);
         let stream = &mut *self.context.stream;
         let radiance = match (&medium.emission, &rival) {
             _ if luggage.own.seeks == Seeks::Scattered => return,

@@ -66,8 +66,10 @@ pub struct EyeSettings<'s> {
     pub indirect: Indirect<'s>,
     /// How many shadow rays ask for light at the first event, if that is at a surface.
     pub light_samples: u32,
-    /// Whether paths end where they meet a surface after one that spread them: Whitted's ray tracing.
+    /// Whether paths end where they meet a surface but a sheet after one that spread them: Whitted's ray tracing.
     pub whitted: bool,
+    /// Whether light is sent, all but what comes straight from where it is emitted: paths end at the first surface but sheets.
+    pub sends: bool,
     /// How wide what textures are taken over is at the camera, and how much wider for each unit of distance.
     pub spread: [f64; 2],
     /// Whether to break off long paths, which are of no use then.
@@ -270,7 +272,7 @@ impl<'s> Eye<'s> {
             seeks: Seeks::Scattered,
             glimpsed: false,
             splits: false,
-            turn: Turn::Surface { receiver: vertex.receiver(), density, glows: true },
+            turn: Turn::Surface { receiver: vertex.receiver(), density, rays: 1, embers: 1 },
             drawn: None,
             landing: None,
         };
@@ -373,10 +375,9 @@ impl<'s> Looking<'_, '_, 's> {
         luggage: &mut Luggage<Path>,
         parts: &mut Parts<'s, Path>,
     ) -> Option<Heading> {
-        // Whitted's paths were only to meet lights.
-        if self.eye.settings.whitted && matches!(luggage.own.turn, Turn::Surface { .. }) {
-            return None;
-        }
+        // Some paths are only to meet lights, and what they pass.
+        let passes =
+            self.eye.settings.sends || self.eye.settings.whitted && matches!(luggage.own.turn, Turn::Surface { .. });
         let (vertex, nature) = (Vertex::Surface(at), at.bsdf.nature());
         let albedo = vertex.albedo();
 
@@ -389,7 +390,7 @@ impl<'s> Looking<'_, '_, 's> {
         }
 
         // The event.
-        if !self.eye.settings.max_events.allows(luggage.events) {
+        if !self.eye.settings.max_events.allows(luggage.events) || passes && !at.bsdf.is_sheet() {
             return None;
         }
         luggage.events += 1;
@@ -450,7 +451,7 @@ impl<'s> Looking<'_, '_, 's> {
         }
 
         // On, both ways where that matters: the lesser part waits.
-        let Some(lesser) = lesser else { return self.send(at, luggage, coat) };
+        let Some(lesser) = lesser else { return self.send(at, luggage, coat.or(passes.then_some(Lobe::Refracted))) };
         let other = luggage.clone();
         let heading = self.send(at, luggage, Some(lesser.other()));
         self.send_apart(at, walk, &other, parts, Some(lesser));
@@ -467,10 +468,12 @@ impl<'s> Looking<'_, '_, 's> {
         let onward = vertex.onward(Side::Eye, lobe, &mut luggage.weight, self.context.stream, always)?;
         let (event, diffuse) = (at.event(&onward), vertex.nature() == Nature::Diffuse);
         if onward.density > 0.0 {
-            luggage.own.turn = Turn::Surface { receiver: vertex.receiver(), density: onward.density, glows: diffuse };
+            let rays = self.shadow_rays(luggage.events);
+            let embers = if diffuse { self.embers(luggage.events) } else { 0 };
+            luggage.own.turn = Turn::Surface { receiver: vertex.receiver(), density: onward.density, rays, embers };
             luggage.own.glimpsed = false;
             luggage.own.seeks = Seeks::All;
-        } else {
+        } else if event != Event::Passed {
             luggage.own.turn = Turn::Specular;
         }
         if event == Event::Scattered {
@@ -633,6 +636,7 @@ radiance = 1
                 indirect: Indirect::Path,
                 light_samples: 1,
                 whitted: false,
+                sends: false,
                 spread: [0.0; 2],
                 stop: &AtomicBool::new(false),
             };

@@ -34,6 +34,7 @@ const DEEPEST: usize = 8;
 struct Holds {
     holes: bool,
     surfaces: bool,
+    sheets: bool,
 }
 
 impl<'a> Materials<'a> {
@@ -46,11 +47,12 @@ impl<'a> Materials<'a> {
         materials.append(&mut self.unnamed.borrow_mut());
         for index in 0..materials.len() {
             if let surface::Material::Mixture(mixture) = materials[index].kind {
-                let Holds { holes, surfaces } = self.holds(&materials, &mut vec![index])?;
+                let Holds { holes, surfaces, sheets } = self.holds(&materials, &mut vec![index])?;
                 if !surfaces {
                     return Err(self.fail(&materials[index].place, "both parts are \"none\"; expected one that is not"));
                 }
-                materials[index].kind = surface::Material::Mixture(Mixture { has_holes: holes, ..mixture });
+                materials[index].kind =
+                    surface::Material::Mixture(Mixture { has_holes: holes, has_sheets: sheets, ..mixture });
             }
         }
         Ok(materials)
@@ -71,7 +73,10 @@ impl<'a> Materials<'a> {
         for (part, place) in [mixture.a as usize, mixture.b as usize].into_iter().zip(&places) {
             match materials[part].kind {
                 surface::Material::None => all.holes = true,
-                surface::Material::Opaque(_) => all.surfaces = true,
+                surface::Material::Opaque(bsdf) => {
+                    all.surfaces = true;
+                    all.sheets |= bsdf.is_sheet();
+                }
                 surface::Material::Dielectric(_) => {
                     return Err(self.fail(
                         place,
@@ -88,7 +93,11 @@ impl<'a> Materials<'a> {
                     way.push(part);
                     let inner = self.holds(materials, way)?;
                     way.pop();
-                    all = Holds { holes: all.holes || inner.holes, surfaces: all.surfaces || inner.surfaces };
+                    all = Holds {
+                        holes: all.holes || inner.holes,
+                        surfaces: all.surfaces || inner.surfaces,
+                        sheets: all.sheets || inner.sheets,
+                    };
                 }
             }
         }
@@ -385,7 +394,7 @@ fn mix(reading: &Reading, table: &Table) -> Read<surface::Material> {
     if !all.is_reflector(&a) || !all.is_reflector(&b) {
         let parts = (all.part(&a), all.part(&b));
         all.mixtures.borrow_mut().push((table.place(), [a.place(), b.place()]));
-        let mixture = Mixture { a: parts.0?, b: parts.1?, weight: weight?, has_holes: false };
+        let mixture = Mixture { a: parts.0?, b: parts.1?, weight: weight?, has_holes: false, has_sheets: false };
         return Ok(surface::Material::Mixture(mixture));
     }
     let a = reading.part(table, "a", Constituent::First);

@@ -111,7 +111,6 @@ fn lights_without_size(scene: &Description, warnings: &mut Vec<String>) {
     if scene.render.method != Method::Path {
         return;
     }
-    let hides = |shape: &&Shape| shape.visible && hides_lights(scene, scene.materials[shape.material.value].kind);
     let without_size = |light: &&Light| {
         let none = match light.kind {
             LightKind::Point { radius, .. } | LightKind::Spot { radius, .. } => radius == 0.0,
@@ -121,16 +120,18 @@ fn lights_without_size(scene: &Description, warnings: &mut Vec<String>) {
         };
         none && shines(light)
     };
-    let solids: Vec<&str> = scene.shapes.iter().filter(hides).map(|shape| shape.place.key()).collect();
     let lights: Vec<&str> = scene.lights.iter().filter(without_size).map(|light| light.place.key()).collect();
-    if solids.is_empty() || lights.is_empty() {
-        return;
-    }
+    let ways = match (shapes_of(scene, &hides_lights), shapes_that_only_mirror(scene)) {
+        _ if lights.is_empty() => return,
+        (solids, sheets) if solids.is_empty() && sheets.is_empty() => return,
+        (solids, sheets) if sheets.is_empty() => format!("by way of {}", some(&solids)),
+        (solids, sheets) if solids.is_empty() => format!("that {} mirror", some(&sheets)),
+        (solids, sheets) => format!("by way of {}, nor what {} mirror of it", some(&solids), some(&sheets)),
+    };
     warnings.push(format!(
-        "{}: method \"path\" does not see light of {} by way of {}; give the lights a `radius` (or `angle`)",
+        "{}: method \"path\" does not see light of {} {ways}; give the lights a `radius` (or `angle`)",
         scene.path.display(),
         some(&lights),
-        some(&solids),
     ));
 }
 
@@ -140,29 +141,58 @@ fn unseen_by_light_tracing(scene: &Description, warnings: &mut Vec<String>) {
         return;
     }
     let is_smooth = |material: Material| match material {
-        Material::Dielectric(dielectric) => dielectric.roughness == 0.0 && hides_lights(scene, material),
-        material => hides_lights(scene, material),
+        Material::Dielectric(dielectric) => dielectric.roughness == 0.0 && hides_lights(material),
+        material => hides_lights(material),
     };
-    let hides = |shape: &&Shape| shape.visible && is_smooth(scene.materials[shape.material.value].kind);
-    let shapes: Vec<&str> = scene.shapes.iter().filter(hides).map(|shape| shape.place.key()).collect();
+    let path = scene.path.display();
+    let shapes = shapes_of(scene, &is_smooth);
     if !shapes.is_empty() {
         warnings.push(format!(
-            "{}: method \"light\" does not see what {} mirror or refract towards the camera: they look black",
-            scene.path.display(),
+            "{path}: method \"light\" does not see what {} mirror or refract towards the camera: they look black",
             some(&shapes),
         ));
     }
+    let sheets = shapes_that_only_mirror(scene);
+    if !sheets.is_empty() {
+        warnings
+            .push(format!("{path}: method \"light\" does not see what {} mirror towards the camera", some(&sheets)));
+    }
 }
 
-/// Whether lights by way of this material are found only by hitting them.
-fn hides_lights(scene: &Description, material: Material) -> bool {
+/// The visible shapes of a material for which `holds` is true, or of a mixture with such a part.
+fn shapes_of<'s>(scene: &'s Description, holds: &impl Fn(Material) -> bool) -> Vec<&'s str> {
+    let holds = |shape: &&Shape| shape.visible && any_part(scene, scene.materials[shape.material.value].kind, holds);
+    scene.shapes.iter().filter(holds).map(|shape| shape.place.key()).collect()
+}
+
+/// Those through which lights are asked for, and that mirror them.
+fn shapes_that_only_mirror(scene: &Description) -> Vec<&str> {
+    let solids = shapes_of(scene, &hides_lights);
+    let mut sheets = shapes_of(scene, &is_sheet);
+    sheets.retain(|shape| !solids.contains(shape));
+    sheets
+}
+
+/// Whether `holds` is true of a material, or of one that it is a mixture of.
+fn any_part(scene: &Description, material: Material, holds: &impl Fn(Material) -> bool) -> bool {
+    match material {
+        Material::Mixture(mixture) => {
+            [mixture.a, mixture.b].iter().any(|part| any_part(scene, scene.materials[*part as usize].kind, holds))
+        }
+        _ => holds(material),
+    }
+}
+
+/// Whether all light of a light by way of this material is found only by hitting the light.
+fn hides_lights(material: Material) -> bool {
     match material {
         Material::Dielectric(dielectric) => dielectric.index != Rgb::ONE,
-        Material::Opaque(_) | Material::None => material.is_partly_specular(),
-        Material::Mixture(mixture) => {
-            [mixture.a, mixture.b].iter().any(|part| hides_lights(scene, scene.materials[*part as usize].kind))
-        }
+        _ => material.is_partly_specular() && !is_sheet(material),
     }
+}
+
+fn is_sheet(material: Material) -> bool {
+    matches!(material, Material::Opaque(bsdf) if bsdf.is_sheet())
 }
 
 fn some(names: &[&str]) -> String {
