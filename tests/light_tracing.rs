@@ -300,6 +300,8 @@ angle = 4
 #[test]
 fn a_sky_and_a_sun() {
     compare("sky", SKY, &[], (128, 256), 0.005);
+    let clear = r#"lights=[{ type = "sky", sun = [-1, 0.4, 0.7], turbidity = 4 }]"#;
+    compare("clear sky", SKY, &[clear], (128, 256), 0.01);
 }
 
 /// A cloud that glows and scatters, over a white floor.

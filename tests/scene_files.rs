@@ -151,6 +151,14 @@ file = "sky.hdr"
 scale = 2
 rotate = 45
 
+[[lights]]
+type = "sky"
+sun = [0, 2, 0]
+turbidity = 2.5
+ground = [0.1, 0.2, 0.3]
+scale = 0.01
+sun_scale = 0
+
 [render]
 method = "path"
 samples = 8
@@ -286,7 +294,7 @@ fn every_key_is_read_as_the_manual_says() {
     let caustics = [quad, haze, instance, disk].map(|shape| (shape.caustics.casts, shape.caustics.receives));
     assert_eq!(caustics, [(true, true), (false, true), (false, true), (true, false)]);
 
-    let [spot, point, directional, environment] = scene.lights.as_slice() else { panic!() };
+    let [spot, point, directional, environment, sky] = scene.lights.as_slice() else { panic!() };
     let LightKind::Spot { direction, intensity, inner_angle, outer_angle, radius, .. } = spot.kind else { panic!() };
     assert_eq!((direction, inner_angle, outer_angle, radius), (-DVec3::Y, 60.0, 90.0, 0.5));
     // 2π W over 2π[(1 − ½) + (½ − 0)/2] sr.
@@ -300,6 +308,9 @@ fn every_key_is_read_as_the_manual_says() {
         panic!()
     };
     assert_eq!((file.value.as_path(), *scale, *rotate), (Path::new("scenes/sky.hdr"), Rgb::splat(2.0), 45.0));
+    let (sun, ground) = (DVec3::Y, Rgb::new(0.1, 0.2, 0.3));
+    let (scale, sun_scale) = (Rgb::splat(0.01), Rgb::ZERO);
+    assert_eq!(sky.kind, LightKind::Sky { sun, turbidity: 2.5, ground, scale, sun_scale });
 
     assert_eq!(
         scene.render,
@@ -454,7 +465,6 @@ const MISTAKES: &[(&str, &str, &str)] = &[
         "media.a.density.precision",
         "\"half\" is not supported yet",
     ),
-    ("[[lights]]\ntype = ‸\"sky\"\n", "lights.0.type", "\"sky\" is not supported yet"),
     ("[render]\nsamples = ‸0\n", "render.samples", "found 0"),
     ("[render]\nlight_samples = ‸0\n", "render.light_samples", "found 0; expected an integer from 1 to 4096"),
     ("[render]\nlight_samples = ‸-1\n", "render.light_samples", "found -1; expected an integer from 1 to 4096"),
@@ -635,6 +645,24 @@ const MISTAKES: &[(&str, &str, &str)] = &[
         "lights.0.radius",
         "is missing beside `center`",
     ),
+    ("[[lights]]\ntype = \"sky\"\nsun = ‸[0, 0, 0]\n", "lights.0.sun", "expected a vector that is not 0"),
+    ("[[lights]]\ntype = \"sky\"\nsun = ‸[1, -0.01, 0]\n", "lights.0.sun", "the sun is below the horizon"),
+    (
+        "[[lights]]\ntype = \"sky\"\nsun = [0, 1, 0]\nturbidity = ‸11\n",
+        "lights.0.turbidity",
+        "found 11; expected a number from 1 to 10",
+    ),
+    (
+        "[[lights]]\ntype = \"sky\"\nsun = [0, 1, 0]\nground = [0, ‸1.5, 0]\n",
+        "lights.0.ground.1",
+        "found 1.5; expected a number from 0 to 1",
+    ),
+    (
+        "[[lights]]\ntype = \"sky\"\nsun = [0, 1, 0]\nsun_scale = ‸-1\n",
+        "lights.0.sun_scale",
+        "found -1; expected a finite number of at least 0",
+    ),
+    ("‸[[lights]]\ntype = \"sky\"\n", "lights.0.sun", "is missing"),
     ("‸[[lights]]\ntype = \"point\"\nposition = [0, 0, 0]\n", "lights.0", "needs `intensity` or `power`"),
     // Transforms.
     (
@@ -899,7 +927,10 @@ fn the_improbable_is_warned_about() {
         &format!("{sun}[media.a]\nsigma_s = 1\nemission = {{ radiance = 1 }}\n"),
         "media.a: has an emission but does not glow",
     );
-    warned(&format!("{sun}[media.a]\nsigma_s = 1\n[world]\nmedium = 'a'\n"), "lights.0: light from infinity");
+    let sky = "[[lights]]\ntype = 'sky'\nsun = [0, 1, 0]\n";
+    for infinite in [sun, sky] {
+        warned(&format!("{infinite}[media.a]\nsigma_s = 1\n[world]\nmedium = 'a'\n"), "lights.0: light from infinity");
+    }
     warned(
         &format!("{sun}[[shapes]]\ntype = 'sphere'\ncenter = [0, 0, 0]\nradius = 1\nmaterial = 'none'\n"),
         "shapes.0: has material \"none\"",

@@ -17,6 +17,7 @@ mod lanes;
 mod point;
 mod profile;
 mod receiver;
+mod sky;
 mod spot;
 mod tree;
 
@@ -30,6 +31,7 @@ pub use goniometric::Goniometric;
 pub use point::Point;
 pub use profile::Profile;
 pub use receiver::Receiver;
+pub use sky::Sky;
 pub use spot::{SoftCone, Spot};
 
 use crate::geometry::Geometry;

@@ -64,8 +64,18 @@ pub fn colour(kelvin: f64) -> Rgb {
     rgb * (3.0 / rgb.element_sum())
 }
 
-/// CIE XYZ of the radiance of a black body, by its integral over the visible spectrum.
+/// The radiance of a black body behind something that lets `share` of the light of a wavelength in nanometres pass.
+pub(crate) fn seen_through(kelvin: f64, share: impl Fn(f64) -> f64) -> Rgb {
+    (XYZ_TO_SRGB * xyz_through(kelvin, share)).max(Rgb::ZERO)
+}
+
+/// CIE XYZ of the radiance of a black body.
 fn xyz(kelvin: f64) -> DVec3 {
+    xyz_through(kelvin, |_| 1.0)
+}
+
+/// The same behind a filter, by its integral over the visible spectrum.
+fn xyz_through(kelvin: f64, share: impl Fn(f64) -> f64) -> DVec3 {
     let planck = |nanometres: f64| {
         let wavelength = nanometres * 1e-9;
         2.0 * H * C * C / wavelength.powi(5) / (H * C / (wavelength * K * kelvin)).exp_m1()
@@ -73,7 +83,10 @@ fn xyz(kelvin: f64) -> DVec3 {
     let sum: DVec3 = CIE_1931
         .iter()
         .enumerate()
-        .map(|(i, &curves)| DVec3::from_array(curves) * planck(FIRST_NANOMETRE + STEP_NANOMETRES * i as f64))
+        .map(|(i, &curves)| {
+            let nanometres = FIRST_NANOMETRE + STEP_NANOMETRES * i as f64;
+            DVec3::from_array(curves) * planck(nanometres) * share(nanometres)
+        })
         .sum();
     sum * STEP_NANOMETRES * 1e-9
 }

@@ -184,7 +184,8 @@ impl Description {
                 LightKind::Environment { source: EnvironmentSource::Constant(_), .. }
                 | LightKind::Point { .. }
                 | LightKind::Spot { .. }
-                | LightKind::Directional { .. } => {}
+                | LightKind::Directional { .. }
+                | LightKind::Sky { .. } => {}
             }
         }
         files

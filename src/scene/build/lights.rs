@@ -7,7 +7,7 @@ use super::{Builder, Part, Shine};
 use crate::geometry::{Disk, Placed, Shape, Sphere};
 use crate::image;
 use crate::light::{
-    self, Directional, Directivity, Environment, Goniometric, Light, Point, Profile, Sides, SoftCone, Spot,
+    self, Directional, Directivity, Environment, Goniometric, Light, Point, Profile, Sides, Sky, SoftCone, Spot,
 };
 use crate::math::DAffine3;
 use crate::scene::Surface;
@@ -81,6 +81,12 @@ impl Builder<'_> {
                             beam: beam.map(|beam| (beam.center - self.center, beam.radius)),
                         })),
                     }
+                }
+                LightKind::Sky { sun, turbidity, ground, scale, sun_scale } => {
+                    let sky = Sky::new(*sun, *turbidity, *ground).map_err(fail)?;
+                    let (around, sun) = sky.lights(*scale, *sun_scale);
+                    self.lights.extend(around.map(Light::Environment));
+                    self.lights.extend(sun.map(Light::Directional));
                 }
                 LightKind::Environment { source, scale, rotate } => {
                     if scale.max_element() <= 0.0 {

@@ -69,6 +69,19 @@ pub enum LightKind {
         /// The round beam it is restricted to; `None`: unbounded.
         beam: Option<Beam>,
     },
+    /// A clear sky with its sun, see [`Sky`](crate::light::Sky).
+    Sky {
+        /// The unit vector towards the sun; its y is at least 0.
+        sun: DVec3,
+        /// How hazy the air is, from 1 to 10.
+        turbidity: f64,
+        /// The share of light that the ground reflects, in \[0, 1\].
+        ground: Rgb,
+        /// What the light of sky, ground and sun is multiplied by.
+        scale: Rgb,
+        /// What that of the sun is multiplied by as well; 0: no sun.
+        sun_scale: Rgb,
+    },
     /// Light from infinity, all around.
     Environment {
         /// Where its radiance comes from.

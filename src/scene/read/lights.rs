@@ -4,6 +4,7 @@ use std::f64::consts::PI;
 use std::path::PathBuf;
 
 use super::{Either, Names, all, either};
+use crate::light::Sky;
 use crate::math::{DVec3, Rgb};
 use crate::medium::black_body;
 use crate::scene::description::{Beam, EnvironmentSource, Light, LightKind, Located, ProfileStrength};
@@ -21,9 +22,9 @@ pub(super) fn lights(items: &[Item], names: &Names) -> Read<Vec<Light>> {
 /// The keys of the light's own type; they are the last to be read.
 fn kind(table: &Table, names: &Names) -> Read<LightKind> {
     type Reader = fn(&Table, &Names) -> Read<LightKind>;
-    let kinds: [(&str, Reader); 4] =
-        [("point", point), ("spot", spot), ("directional", directional), ("environment", environment)];
-    let read = table.require("type", |item| item.choice(&kinds, &["sky"]))?;
+    let kinds: [(&str, Reader); 5] =
+        [("point", point), ("spot", spot), ("directional", directional), ("sky", sky), ("environment", environment)];
+    let read = table.require("type", |item| item.choice(&kinds, &[]))?;
     read(table, names)
 }
 
@@ -145,6 +146,21 @@ fn directional(table: &Table, _: &Names) -> Read<LightKind> {
         (None, Some(_)) => return Err(table.fail_at("center", "is missing beside `radius`")),
     };
     Ok(LightKind::Directional { direction: direction?, irradiance: irradiance?, angle: angle?, beam })
+}
+
+fn sky(table: &Table, _: &Names) -> Read<LightKind> {
+    let sun = table.require("sun", |item| {
+        let sun = item.direction()?;
+        let expected = "expected the direction to it, with y of at least 0";
+        let below = || item.fail(format!("the sun is below the horizon, where the model knows no sky; {expected}"));
+        (sun.y >= 0.0).then_some(sun).ok_or_else(below)
+    });
+    let turbidity = table.get_or("turbidity", 3.0, |item| item.within(*Sky::TURBIDITY.start(), *Sky::TURBIDITY.end()));
+    let ground = table.get_or("ground", Rgb::splat(0.2), Item::share);
+    let scale = table.get_or("scale", Rgb::ONE, Item::colour);
+    let sun_scale = table.get_or("sun_scale", Rgb::ONE, Item::colour);
+    table.finish()?;
+    Ok(LightKind::Sky { sun: sun?, turbidity: turbidity?, ground: ground?, scale: scale?, sun_scale: sun_scale? })
 }
 
 fn environment(table: &Table, names: &Names) -> Read<LightKind> {

@@ -36,7 +36,9 @@ fn shines(light: &Light) -> bool {
         LightKind::Profile { strength: ProfileStrength::Intensity(all) | ProfileStrength::Power(all), .. } => *all,
         LightKind::Directional { irradiance, .. } => *irradiance,
         LightKind::Environment { source: EnvironmentSource::Constant(radiance), scale, .. } => *radiance * *scale,
-        LightKind::Environment { source: EnvironmentSource::Image(_), scale, .. } => *scale,
+        LightKind::Environment { source: EnvironmentSource::Image(_), scale, .. } | LightKind::Sky { scale, .. } => {
+            *scale
+        }
     };
     strength != Rgb::ZERO
 }
@@ -73,7 +75,7 @@ fn light_from_infinity(scene: &Description, warnings: &mut Vec<String>) {
         return;
     }
     let from_infinity = |light: &&Light| match light.kind {
-        LightKind::Environment { .. } => true,
+        LightKind::Environment { .. } | LightKind::Sky { .. } => true,
         LightKind::Directional { beam, .. } => beam.is_none(),
         _ => false,
     };
@@ -116,7 +118,7 @@ fn lights_without_size(scene: &Description, warnings: &mut Vec<String>) {
             LightKind::Point { radius, .. } | LightKind::Spot { radius, .. } => radius == 0.0,
             LightKind::Profile { .. } => true,
             LightKind::Directional { angle, .. } => angle == 0.0,
-            LightKind::Environment { .. } => false,
+            LightKind::Environment { .. } | LightKind::Sky { .. } => false,
         };
         none && shines(light)
     };
