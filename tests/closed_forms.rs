@@ -43,6 +43,26 @@ fn a_sphere_that_absorbs_dims_the_sky() {
     checks.finish();
 }
 
+/// Two balls of absorbers that add, half-way in each other, in a box of a third.
+#[test]
+fn absorbers_that_add_dim_the_sky_together() {
+    let mut checks = Checks::default();
+    let text = |method| {
+        format!(
+            "{}{SKY}[media.a]\nsigma_a = [0.3, 0.2, 0.1]\nadd = true\n[media.b]\nsigma_a = [0, 0.1, 0.4]\n[[shapes]]\ntype = \"sphere\"\n\
+             center = [0, 0, 0]\nradius = 1\ninterior = \"a\"\n[[shapes]]\ntype = \"sphere\"\ncenter = [0, 0, 1]\nradius = 1\n\
+             interior = \"a\"\n[[shapes]]\ntype = \"box\"\nmin = [-1, -1, -0.5]\nmax = [1, 1, 4]\ninterior = \"b\"\n",
+            along_z(9.0, 0.1, method, if method == "path" { 1 << 15 } else { 16 })
+        )
+    };
+    // 2 by each ball, 4.5 by the box.
+    let expected = Estimate::exact([-1.2_f64, -0.8 - 0.45, -0.4 - 1.8].map(f64::exp));
+    for method in BOTH {
+        checks.agree(method, &Estimate::of(16, &text(method), &[]), &expected, 0.003, 1e-4);
+    }
+    checks.finish();
+}
+
 /// Inside a sphere that shines 1 and reflects `a`, filled with an absorber: a chord's mean transmittance
 /// I = 2[1 − (1+τ)e^{−τ}]/τ², τ = 2σ_aR, gives e^{−σ_aR}/(1 − aI) at the centre.
 #[test]

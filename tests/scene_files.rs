@@ -455,11 +455,7 @@ const MISTAKES: &[(&str, &str, &str)] = &[
     ("[photons]\ndensity_control = ‸true\n", "photons.density_control", "density control is not supported yet"),
     ("[render]\nquality = ‸\"draft\"\n", "render.quality", "\"draft\" is not supported yet"),
     ("[volume]\nboundaries = ‸\"share\"\n", "volume.boundaries", "\"share\" is not supported yet"),
-    (
-        "[media.a]\nsigma_s = 1\nadd = ‸true\n",
-        "media.a.add",
-        "a medium that adds to what it overlaps is not supported yet",
-    ),
+    ("[media.a]\nsigma_s = 1\nadd = ‸1\n", "media.a.add", "found 1; expected true or false"),
     (
         "[media.a]\nsigma_s = 1\ndensity = { type = \"noise\", precision = ‸\"half\" }\n",
         "media.a.density.precision",

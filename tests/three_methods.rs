@@ -76,7 +76,7 @@ roughness = 0.4
 const LENS: &str = "camera.aperture=0.15";
 
 /// Name, what is changed of the parts, and shapes and lights.
-const SCENES: [(&str, &[&str], &[&str]); 12] = [
+const SCENES: [(&str, &[&str], &[&str]); 13] = [
     ("tiles and a block of fog", &[], &[FLOOR_OF_TILES, BLOCK_OF_FOG, SPOT]),
     ("the same by a lens", &[LENS, "camera.focus_distance=4"], &[FLOOR_OF_TILES, BLOCK_OF_FOG, SPOT]),
     ("all materials around fog", &[], &[COATED_FLOOR, BACK_WALL, BALLS, BLOCK_OF_FOG, LAMP]),
@@ -88,6 +88,7 @@ const SCENES: [(&str, &[&str], &[&str]); 12] = [
     ("glow over a glossy floor", &[], &[COATED_FLOOR, BACK_WALL, GLOW]),
     ("glow, a lamp and a metal", &[LENS], &[FLOOR_OF_TILES, BALLS, GLOW, LAMP]),
     ("air that thins, and a spot", &[], &[COATED_FLOOR, BALLS, BLOCK_OF_AIR, SPOT]),
+    ("dust that adds to grains", &[LENS], &[FLOOR_OF_TILES, DUST, LAMP]),
     ("many lamps in haze", &[], &[COATED_FLOOR, BACK_WALL, BALLS, ROOM_OF_HAZE, MANY]),
 ];
 
@@ -108,6 +109,11 @@ const BLOCK_OF_AIR: &str = "[[shapes]]\ntype = \"box\"\nmin = [-1.5, 0.01, -1.5]
                             interior = \"air\"\npriority = 2\n";
 const ROOM_OF_HAZE: &str = "[[shapes]]\ntype = \"box\"\nmin = [-1.9, 0.005, -1.9]\nmax = [1.9, 2.2, 1.9]\n\
                             interior = \"haze\"\npriority = 1\n";
+/// A ball that glows and adds to the block it is half in.
+const DUST: &str = "[media.dust]\nsigma_s = 0.6\nsigma_a = [0.4, 0.2, 0]\nemission = { radiance = 0.3 }\nadd = true\n\
+                    phase = { type = \"hg\", g = 0.7 }\n[media.grains]\nsigma_s = 0.9\n[[shapes]]\ntype = \"sphere\"\n\
+                    center = [-0.5, 0.9, 0.4]\nradius = 0.6\ninterior = \"dust\"\n[[shapes]]\ntype = \"box\"\n\
+                    min = [-0.7, 0.3, -1.2]\nmax = [1.5, 1.7, 1.2]\ninterior = \"grains\"\n";
 const CLOUD: &str = "[[shapes]]\ntype = \"sphere\"\ncenter = [0.1, 1.1, 0]\nradius = 0.7\ninterior = \"cloud\"\n";
 const GLOW: &str = "[[shapes]]\ntype = \"sphere\"\ncenter = [0.2, 0.8, 0.3]\nradius = 0.6\ninterior = \"ember\"\n";
 const SPOT: &str = "[[lights]]\ntype = \"spot\"\nposition = [0.9, 3, 0.6]\ntarget = [0, 0.5, 0]\nintensity = [12, 10, 8]\n\

@@ -252,7 +252,7 @@ fn scene_facts(path: &Path) -> Result<Value> {
         "samples": settings.render.samples,
         "bounds": [(bounds.min + scene.center).to_array(), (bounds.max + scene.center).to_array()],
         "surfaces": scene.surfaces.len(),
-        "solids": scene.solids.len(),
+        "solids": scene.surfaces.iter().filter(|surface| surface.solid.is_some()).count(),
         "lights": scene.lights.iter().map(|light| light.kind()).collect::<Vec<_>>(),
         "media": media,
         "warnings": scene.warnings,

@@ -85,7 +85,7 @@ pub fn near(scene: &Scene, position: Vec3, radius: f32, leans: bool, walls: &mut
                 [] => false,
                 // Most often the world is on the other side, whichever side this is.
                 [solid] if others.get_or_insert_with(boxed).iter().all(|other| *other == solid) => {
-                    scene.solids[solid as usize].region != scene.world_region
+                    scene.region(&Inside::of([solid])) != scene.world_region
                 }
                 _ => {
                     let inside = around.get_or_insert_with(|| scene.inside(p));

@@ -2,6 +2,7 @@
 //! along, and everything moved so that the scene's middle is the origin.
 
 mod lights;
+mod overlaps;
 mod paint;
 mod regions;
 
@@ -50,6 +51,8 @@ struct Filling {
     index: Option<Rgb>,
     /// Of the solids around a point, the one with the highest decides what is there.
     priority: i32,
+    /// Whether its medium adds to that of the solids it overlaps.
+    adds: bool,
 }
 
 /// How a placed shape shines.
@@ -163,6 +166,7 @@ impl<'d> Builder<'d> {
                 None => None,
             };
             let index_of_refraction = material.index();
+            let adds = said.interior.as_ref().is_some_and(|interior| description.media[interior.value].adds);
             let is_solid = medium.is_some() || index_of_refraction.is_some();
             if is_solid && !placed.is_closed() {
                 let why = if medium.is_some() { "an interior" } else { "a dielectric material" };
@@ -178,7 +182,12 @@ impl<'d> Builder<'d> {
             self.parts.push(Part {
                 placed,
                 surface: Surface { material, solid: None, light: None, paint, caustics: said.caustics },
-                solid: is_solid.then_some(Filling { medium, index: index_of_refraction, priority: said.priority }),
+                solid: is_solid.then_some(Filling {
+                    medium,
+                    index: index_of_refraction,
+                    priority: said.priority,
+                    adds,
+                }),
                 emission,
             });
         }
@@ -396,14 +405,14 @@ impl<'d> Builder<'d> {
         camera.position -= self.center;
         camera.target -= self.center;
 
-        // Precedence: by priority, then by order in the file.
+        // Precedence: by priority, then those that add to the others, then by order in the file.
         let mut order: Vec<usize> = (0..self.parts.len()).filter(|&i| self.parts[i].solid.is_some()).collect();
-        order.sort_by_key(|&i| self.parts[i].solid.as_ref().map(|filling| filling.priority));
+        order.sort_by_key(|&i| self.parts[i].solid.as_ref().map(|filling| (filling.priority, filling.adds)));
         let mut solids = Vec::with_capacity(order.len());
         for part in order {
-            if let Some(Filling { medium, index, .. }) = self.parts[part].solid {
+            if let Some(Filling { medium, index, adds, .. }) = self.parts[part].solid {
                 self.parts[part].surface.solid = Some(solids.len() as u32);
-                solids.push(Solid { shape: part as u32, medium, index, region: 0 });
+                solids.push(Solid { shape: part as u32, medium, index, adds, region: 0 });
             }
         }
 
@@ -436,6 +445,7 @@ impl<'d> Builder<'d> {
             finishes,
             has_holes,
             solids,
+            overlaps: Vec::new(),
             world,
             world_region: 0,
             regions: 1,
@@ -447,6 +457,7 @@ impl<'d> Builder<'d> {
             center: self.center,
             warnings: self.warnings,
         };
+        overlaps::add_up(&mut scene, &description.media)?;
         regions::join_regions(&mut scene);
         scene.surroundings = regions::surroundings(&scene);
         regions::darken_infinity(&mut scene);

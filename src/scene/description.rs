@@ -286,6 +286,8 @@ pub struct Medium {
     pub density: Density,
     /// The light the medium sends out by itself.
     pub emission: Option<MediumEmission>,
+    /// Whether it adds to what it overlaps, instead of taking its place.
+    pub adds: bool,
     /// Where the medium is described.
     #[serde(skip)]
     pub place: Place,

@@ -23,7 +23,7 @@ pub use mixture::Finish;
 pub use read::{parse, read};
 pub use settings::Settings;
 pub use study::{Study, StudyReference, StudyVariant, is_plain, read_study};
-pub use world::{Inside, Scene, Solid, Surface};
+pub use world::{Inside, Overlap, Scene, Solid, Surface};
 
 /// A scene from the text of a scene file, for tests of what lies above.
 #[cfg(test)]

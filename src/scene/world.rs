@@ -26,8 +26,11 @@ pub struct Scene {
     pub finishes: Vec<Finish>,
     /// Whether some light passes through surfaces that keep off the rest.
     pub has_holes: bool,
-    /// The closed shapes that decide what fills space; a higher index takes precedence.
+    /// The closed shapes that decide what fills space; a higher index takes precedence. After them, overlaps of some of them where
+    /// media add up, which no surface bounds.
     pub solids: Vec<Solid>,
+    /// Where media add up, in the order of what overlaps.
+    pub overlaps: Vec<Overlap>,
     /// What fills space outside of solids: an index into `media`.
     pub world: Option<u32>,
     /// The region outside of solids.
@@ -74,8 +77,19 @@ pub struct Solid {
     pub medium: Option<u32>,
     /// Its index of refraction, if it is a dielectric.
     pub index: Option<Rgb>,
+    /// Whether its medium adds to what it overlaps.
+    pub adds: bool,
     /// The region it decides: space a photon map is shared in.
     pub region: u32,
+}
+
+/// Solids that overlap, and whose media add up.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Overlap {
+    /// Those whose media add, and below them the first whose medium does not, if there is one; those with precedence first.
+    pub of: SmallVec<[u32; 6]>,
+    /// The solid that stands for them: an index into [`Scene::solids`].
+    pub solid: u32,
 }
 
 /// The solids that contain a point, those with precedence first.
@@ -134,16 +148,31 @@ impl Inside {
 impl Scene {
     /// The medium that fills the places inside these solids.
     pub fn medium(&self, inside: &Inside) -> Option<u32> {
-        match inside.solids.first() {
-            Some(&solid) => self.solids[solid as usize].medium,
+        match self.decisive(inside) {
+            Some(solid) => solid.medium,
             None => self.world,
         }
     }
 
+    /// The solid, or the overlap of several, that decides what fills the places inside these solids.
+    #[inline]
+    fn decisive(&self, inside: &Inside) -> Option<&Solid> {
+        let first = &self.solids[*inside.solids.first()? as usize];
+        Some(if first.adds { self.overlap(inside).unwrap_or(first) } else { first })
+    }
+
+    /// The overlap of the solids above all others, if their media are more than that of the first.
+    fn overlap(&self, inside: &Inside) -> Option<&Solid> {
+        let adding = inside.solids.iter().take_while(|&&solid| self.solids[solid as usize].adds).count();
+        let of = &inside.solids[..inside.solids.len().min(adding + 1)];
+        let found = self.overlaps.binary_search_by(|overlap| overlap.of[..].cmp(of)).ok()?;
+        Some(&self.solids[self.overlaps[found].solid as usize])
+    }
+
     /// The region of the places inside these solids.
     pub fn region(&self, inside: &Inside) -> u32 {
-        match inside.solids.first() {
-            Some(&solid) => self.solids[solid as usize].region,
+        match self.decisive(inside) {
+            Some(solid) => solid.region,
             None => self.world_region,
         }
     }

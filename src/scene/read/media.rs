@@ -1,6 +1,6 @@
 //! `[media.*]`
 
-use super::{Either, Names, all, either, off, transform::transform};
+use super::{Either, Names, all, either, transform::transform};
 use crate::math::{DAffine3, DVec3, Rgb};
 use crate::medium::density::bricks::{Interpolation, NegativePolicy};
 use crate::medium::density::{Exponential, Noise};
@@ -15,16 +15,16 @@ pub(super) fn medium(name: &str, item: &Item, names: &Names, scene_unit: Unit) -
     let mean_cosine = phase.as_ref().map_or(0.0, Phase::mean_cosine);
     let coefficients = coefficients(&table, mean_cosine, scene_unit);
     let density = table.get_or("density", Density::Constant { value: 1.0 }, |item| density(&item.table()?, names));
-    let adds = table.get("add", |item| off(item, "a medium that adds to what it overlaps is"));
+    let adds = table.get_or("add", false, Item::boolean);
     let emission = table.get("emission", |item| emission(&item.table()?));
     table.finish()?;
-    adds?;
     let ((sigma_s, sigma_a), density, emission) = (coefficients?, density?, emission?);
     if let (Some(MediumEmission::BlackBody { temperature, .. }), false) = (&emission, density.grids().is_some()) {
         let message = "names a second grid of the density's file; expected a `density` of type \"vdb\"";
         return Err(item.fail_about(&temperature.place, message));
     }
-    Ok(Medium { name: name.to_owned(), sigma_s, sigma_a, phase: phase?, density, emission, place: item.place() })
+    let (name, phase, adds) = (name.to_owned(), phase?, adds?);
+    Ok(Medium { name, sigma_s, sigma_a, phase, density, emission, adds, place: item.place() })
 }
 
 /// σ_s and σ_a per scene unit, scaled: given as such, a missing one being 0, or as extinction and albedo, or by
