@@ -49,6 +49,7 @@ emission = { temperature = "heat", kelvin_scale = 2, scale = 1e-3 }
 sigma_s = [0.02, 0.03, 0.04]
 sigma_a = 0.5
 scale = 2
+add = true
 phase = { type = "hg", g = -0.75 }
 density = { type = "exponential", origin = [0, 1, 0], up = [0, 2, 0], scale_height = 3, value = 4 }
 emission = { radiance = [1, 2, 3], scale = 2 }
@@ -245,6 +246,7 @@ fn every_key_is_read_as_the_manual_says() {
     assert_eq!((temperature.value.as_str(), *kelvin_scale, *scale), ("heat", 2.0, 1e-3));
 
     assert_eq!((fog.sigma_s, fog.sigma_a), (Rgb::new(0.04, 0.06, 0.08), Rgb::ONE));
+    assert!(fog.adds && !smoke.adds);
     assert_eq!(fog.phase, HenyeyGreenstein { g: -0.75 }.into());
     let up = 2.0 * DVec3::Y;
     assert_eq!(fog.density, Density::Exponential(Exponential { origin: DVec3::Y, up, scale_height: 3.0, value: 4.0 }));

@@ -147,6 +147,7 @@ impl Inside {
 
 impl Scene {
     /// The medium that fills the places inside these solids.
+    #[inline]
     pub fn medium(&self, inside: &Inside) -> Option<u32> {
         match self.decisive(inside) {
             Some(solid) => solid.medium,
@@ -162,6 +163,7 @@ impl Scene {
     }
 
     /// The overlap of the solids above all others, if their media are more than that of the first.
+    #[cold]
     fn overlap(&self, inside: &Inside) -> Option<&Solid> {
         let adding = inside.solids.iter().take_while(|&&solid| self.solids[solid as usize].adds).count();
         let of = &inside.solids[..inside.solids.len().min(adding + 1)];
@@ -170,6 +172,7 @@ impl Scene {
     }
 
     /// The region of the places inside these solids.
+    #[inline]
     pub fn region(&self, inside: &Inside) -> u32 {
         match self.decisive(inside) {
             Some(solid) => solid.region,

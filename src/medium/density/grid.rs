@@ -36,6 +36,11 @@ impl Grid {
         Grid { voxels: self.voxels.clone(), to_index, clip: self.clip, coarse: Arc::default() }
     }
 
+    /// Whether it is the other one: the same voxels in the same place.
+    pub(super) fn is_that(&self, other: &Grid) -> bool {
+        Arc::ptr_eq(&self.voxels, &other.voxels) && self.to_index == other.to_index && self.clip == other.clip
+    }
+
     /// The voxels in index space, which several grids may share.
     pub fn voxels(&self) -> &Arc<BrickGrid> {
         &self.voxels

@@ -42,6 +42,16 @@ impl Density {
         matches!(self, Density::Uniform)
     }
 
+    /// Whether it is known to be the same as another at each point.
+    pub fn is_that(&self, other: &Density) -> bool {
+        match (self, other) {
+            (Density::Uniform, Density::Uniform) => true,
+            (Density::Exponential(one), Density::Exponential(other)) => one == other,
+            (Density::Grid(one), Density::Grid(other)) => one.is_that(other),
+            _ => false,
+        }
+    }
+
     /// Whether it goes on without an end and thins out in no direction: light from infinity does not get through.
     pub fn is_endless(&self) -> bool {
         match self {

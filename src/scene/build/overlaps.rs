@@ -6,7 +6,6 @@ use smallvec::SmallVec;
 
 use crate::Result;
 use crate::math::{Bounds, Rgb};
-use crate::medium::density::Density;
 use crate::medium::phase::{Mixture, Phase};
 use crate::medium::{Emission, Medium};
 use crate::scene::description as said;
@@ -102,34 +101,47 @@ fn overlaps(scene: &Scene) -> Option<Vec<Solids>> {
 fn sum(parts: &[&Medium]) -> Result<Medium, String> {
     let names: Vec<&str> = parts.iter().map(|medium| medium.name.as_str()).collect();
     let name = names.join(" + ");
-    if let Some(uneven) = parts.iter().find(|medium| !medium.density.is_even()) {
+    let density = &parts[0].density;
+    if !parts.iter().all(|medium| medium.density.is_that(density)) {
         return Err(format!(
-            "media may add up here to {name}, and only those of the same density everywhere can so far; the density of {} varies",
-            uneven.name
+            "media may add up here to {name}, and only those of one density can so far: constant ones, or the same in the same place"
         ));
     }
     let total = |part: fn(&Medium) -> Rgb| parts.iter().map(|medium| part(medium)).sum::<Rgb>();
-    let share = |part: Rgb, whole: Rgb| Rgb::select(whole.cmpgt(Rgb::ZERO), part / whole, Rgb::ZERO);
     let extinction = total(|medium| medium.extinction);
     let scattering = total(scattering);
-    let emission = match parts.iter().any(|medium| medium.glows()) {
-        true => {
-            Emission::Uniform(share(total(|medium| medium.emitted(crate::math::DVec3::ZERO)), extinction - scattering))
-        }
-        false => Emission::None,
+    let phase = mixed(parts, scattering).ok_or_else(|| {
+        format!(
+            "media may add up here to {name}, which scatter by other phase functions and in other colours: light of one channel would be turned otherwise than that of another, which cannot be so far"
+        )
+    })?;
+    let emission = glow(parts, extinction - scattering).ok_or_else(|| {
+        format!("media may add up here to {name}, and a black body adds to nothing but itself so far")
+    })?;
+    let albedo = share(scattering, extinction);
+    Ok(Medium { name, extinction, albedo, phase, density: density.clone(), emission })
+}
+
+/// By channel; 0 of nothing.
+fn share(part: Rgb, whole: Rgb) -> Rgb {
+    Rgb::select(whole.cmpgt(Rgb::ZERO), part / whole, Rgb::ZERO)
+}
+
+/// What all send out, for as much as they absorb together; `None` if it varies over space and is not that of each.
+fn glow(parts: &[&Medium], absorption: Rgb) -> Option<Emission> {
+    if parts.iter().all(|medium| std::ptr::eq(*medium, parts[0])) {
+        return Some(parts[0].emission.clone());
+    }
+    let mut glowing = parts.iter().filter(|medium| medium.glows()).peekable();
+    if glowing.peek().is_none() {
+        return Some(Emission::None);
+    }
+    let emitted = |medium: &&Medium| match medium.emission {
+        Emission::Uniform(radiance) => Some(medium.extinction * (Rgb::ONE - medium.albedo) * radiance),
+        Emission::None | Emission::BlackBody { .. } => None,
     };
-    Ok(Medium {
-        extinction,
-        albedo: share(scattering, extinction),
-        phase: mixed(parts, scattering).ok_or_else(|| {
-            format!(
-                "media may add up here to {name}, which scatter by other phase functions and in other colours: light of one channel would be turned otherwise than that of another, which cannot be so far"
-            )
-        })?,
-        density: Density::Uniform,
-        emission,
-        name,
-    })
+    let emitted = glowing.map(emitted).sum::<Option<Rgb>>()?;
+    Some(Emission::Uniform(share(emitted, absorption)))
 }
 
 fn scattering(medium: &Medium) -> Rgb {
@@ -181,6 +193,11 @@ add = true
 sigma_t = 1
 albedo = 0.5
 density = { type = "exponential", scale_height = 1 }
+add = true
+[media.noise]
+sigma_t = 2
+albedo = 0.2
+density = { type = "noise", threshold = 0.1 }
 add = true
 [materials.glass]
 type = "dielectric"
@@ -259,6 +276,19 @@ type = "dielectric"
         let (scene, _) = scene::from_text(&format!("{MEDIA}{}", slabs.concat()));
         assert_eq!(extinction(&scene, 4.5), Rgb::ONE);
         assert_eq!(scene.overlaps.len(), 1, "dust and fog: {:?}", scene.overlaps);
+    }
+
+    /// Of one medium twice, and of two that thin out alike.
+    #[test]
+    fn densities_that_are_the_same_add_up() {
+        let twice = |what| slab(0.0, 2.0, what) + &slab(1.0, 3.0, what);
+        let other = "[media.mist]\nsigma_s = 3\ndensity = { type = 'exponential', scale_height = 1 }\n";
+        let slabs =
+            twice("interior = 'noise'") + &slab(4.0, 6.0, "interior = 'smoke'") + &slab(5.0, 7.0, "interior = 'mist'");
+        let (scene, _) = scene::from_text(&format!("{MEDIA}{other}{slabs}"));
+        let part = |z: f64| at(&scene, z).map_or((Rgb::ZERO, Rgb::ZERO), |medium| (medium.extinction, medium.albedo));
+        let found = [0.5, 1.5, 2.5, 4.5, 5.5, 6.5].map(|z| (part(z).0.x, part(z).1.x));
+        assert_eq!(found, [(2.0, 0.2), (4.0, 0.2), (2.0, 0.2), (1.0, 0.5), (4.0, 3.5 / 4.0), (3.0, 1.0)]);
     }
 
     #[test]
