@@ -123,7 +123,7 @@ impl Material {
     pub fn is_narrow(&self) -> bool {
         match self {
             Material::Opaque(bsdf) => bsdf.nature() == Nature::Narrow || bsdf.is_partly_specular(),
-            Material::Dielectric(dielectric) => Nature::of_facets(dielectric.roughness) >= Nature::Narrow,
+            Material::Dielectric(_) => true,
             Material::None | Material::Mixture(_) => false,
         }
     }
@@ -183,7 +183,7 @@ impl Bsdf {
             Bsdf::Reflector(reflector) => reflector.nature(),
             Bsdf::Coated(coated) => coated.nature(),
             Bsdf::Mix(mix) => mix.nature(),
-            Bsdf::Rough(rough) => Nature::of_facets(rough.alpha).max(Nature::Glossy),
+            Bsdf::Rough(_) => Nature::Narrow,
             Bsdf::Smooth(_) | Bsdf::Thin(_) => Nature::Specular,
         }
     }

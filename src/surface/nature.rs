@@ -8,7 +8,8 @@ pub enum Nature {
     Diffuse,
     /// Over few, where light can be asked for.
     Glossy,
-    /// Over so few that what lights bring by them is a caustic to where it lands. Light can be asked for.
+    /// Over so few that what lights bring by them is a caustic to where it lands; so it is of rough glass, through both sides of which no light
+    /// can be asked for at once. Light can be asked for.
     Narrow,
     /// Over single ones, with no density: light can only be met by chance.
     Specular,
