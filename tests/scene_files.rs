@@ -182,6 +182,7 @@ radius = 0.1
 neighbours = 50
 pilot = 8
 max_radius = 0.5
+boundaries = "share"
 single_scattering = "approximate"
 march = { step = "adaptive", size = 0.25, contrast = 0.3 }
 "#;
@@ -335,6 +336,7 @@ fn every_key_is_read_as_the_manual_says() {
         neighbours: Some(50),
         pilot: Some(8),
         max_radius: Some(0.5),
+        boundaries: Boundaries::Share,
         single_scattering: SingleScattering::Approximate,
         march: Some(March { step: Step::Adaptive, size: Some(0.25), contrast: 0.3 }),
     };
@@ -446,6 +448,7 @@ const MISTAKES: &[(&str, &str, &str)] = &[
         "surface.differential_checking",
         "sheets have radii of their own",
     ),
+    ("[volume]\nboundaries = ‸\"leen\"\n", "volume.boundaries", "found \"leen\"; expected one of"),
     ("[volume]\nmarch = { step = ‸\"rnd\" }\n", "volume.march.step", "found \"rnd\"; expected one of"),
     (
         "[[shapes]]\ntype = \"sphere\"\ncenter = [0, 0, 0]\nradius = 1\nmaterial = \"none\"\ncasts_caustics = ‸\"no\"\n",
@@ -456,7 +459,6 @@ const MISTAKES: &[(&str, &str, &str)] = &[
     ("[photons]\nimportance = ‸true\n", "photons.importance", "importance of photons is not supported yet"),
     ("[photons]\ndensity_control = ‸true\n", "photons.density_control", "density control is not supported yet"),
     ("[render]\nquality = ‸\"draft\"\n", "render.quality", "\"draft\" is not supported yet"),
-    ("[volume]\nboundaries = ‸\"share\"\n", "volume.boundaries", "\"share\" is not supported yet"),
     ("[media.a]\nsigma_s = 1\nadd = ‸1\n", "media.a.add", "found 1; expected true or false"),
     (
         "[media.a]\nsigma_s = 1\ndensity = { type = \"noise\", precision = ‸\"half\" }\n",
