@@ -100,6 +100,24 @@ impl SampledDepths {
         &self.values[samples.start as usize..][..samples.count as usize]
     }
 
+    /// Of a ray's segment from `a` to `b`, the part without what is empty at its ends, but for two steps of it: the density found
+    /// between samples is then the same. Its samples, and where it begins and ends; `None` if all is empty.
+    pub(super) fn occupied(&self, samples: Samples, step: f64, (a, b): (f64, f64)) -> Option<(Samples, (f64, f64))> {
+        const MARGIN: usize = 2;
+        let values = self.values(samples);
+        let total = *values.last()?;
+        let before = values.partition_point(|&value| value <= 0.0).saturating_sub(1 + MARGIN);
+        let last = values.partition_point(|&value| value < total) + MARGIN;
+        if total <= 0.0 {
+            return None;
+        }
+        let at = |index: usize| (samples.first + index as i64) as f64 * step;
+        let range = (if before > 0 { at(before) } else { a }, if last + 1 < values.len() { at(last) } else { b });
+        let count = (last + 1).min(values.len()) - before;
+        let first = samples.first + before as i64;
+        Some((Samples { first, start: samples.start + before as u32, count: count as u32 }, range))
+    }
+
     /// Adds a ray: nothing at the multiple `first` of the step, then `inner`, then `total` for all beyond.
     pub(super) fn insert(&mut self, first: i64, inner: impl Iterator<Item = f32>, total: f32) -> Samples {
         let start = self.values.len();
@@ -375,6 +393,37 @@ impl Task for Fill<'_> {
                         depths.mul(L::splat(exponent)).exp2().mul(density).store(row);
                     }
                 }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Without what is empty at its ends, a ray's depths and densities are the same wherever they are asked for.
+    #[test]
+    fn nothing_is_lost_with_what_is_empty() {
+        let step = 0.25;
+        let mut depths = SampledDepths::default();
+        for (empty, full, rest) in [(9, 5, 7), (0, 6, 9), (8, 4, 0), (2, 3, 2), (3, 1, 3), (1, 0, 1)] {
+            let steps = empty + full + rest;
+            let (a, b) = (-7.1 * step, (f64::from(steps) - 7.4) * step);
+            let depth = |index: i32| (index - empty).clamp(0, full) as f32;
+            let samples = depths.insert(-8, (1..=steps - 1).map(depth), depth(steps));
+            let Some((part, range)) = depths.occupied(samples, step, (a, b)) else {
+                assert_eq!(full, 0);
+                continue;
+            };
+            assert!(part.count <= samples.count && range.0 >= a && range.1 <= b);
+            assert!(part.count as i32 <= full + 5, "{} steps for {full}", part.count);
+            let before = part.first - samples.first;
+            let whole = Values::new(&depths, samples, step, (a, b));
+            let part = Values::new(&depths, part, step, range);
+            for index in 0..=i64::from(steps) {
+                assert_eq!(part.at(index - before), whole.at(index));
+                assert_eq!(part.growth(index - before), whole.growth(index), "{empty}, {full}, {rest}: {index}");
             }
         }
     }

@@ -139,11 +139,25 @@ impl VolumeMaps {
                 .sample((segment.medium, density), step, &ray, range, (most, extinction), depths)
                 .or_else(|| depths.sample(density, step, &ray, range, most));
             if let Some((samples, depth)) = sampled {
-                queue.bundles.push(Waiting { segment, samples: Some(samples), owner });
+                let Queue { bundles, done, depths, .. } = queue;
+                // Where there is no matter, fluence is not scattered.
+                let whole = (samples, (a, b));
+                let part = if map.fluence { depths.occupied(samples, step, (a, b)) } else { Some(whole) };
+                match part {
+                    Some((samples, (a, b))) => {
+                        let segment = EyeSegment { a, b, ..segment };
+                        bundles.push(Waiting { segment, samples: Some(samples), owner });
+                    }
+                    None => done.push((owner, Gathered::default())),
+                }
                 return medium.transmittance(total(depth));
             }
         }
         queue.table.tabulate(medium, &ray, (a, end));
+        if map.fluence && queue.table.total() <= 0.0 {
+            queue.done.push((owner, Gathered::default()));
+            return Rgb::ONE;
+        }
         let query = BeamQuery { depth: Some(&queue.table), ..self.query(&segment) };
         queue.done.push((owner, map.gather(&query, &mut queue.stats)));
         medium.transmittance(total(queue.table.total()))
