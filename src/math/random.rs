@@ -30,6 +30,8 @@ pub enum Purpose {
     Irradiance = 10,
     /// A shadow photon.
     Shadow = 11,
+    /// A path from the eye that tells where photons count.
+    Importon = 12,
 }
 
 /// What a number of a camera sample, a light path or a photon is for: the first draw of each is spread evenly over a pixel's

@@ -3,6 +3,7 @@
 use std::f64::consts::{PI, TAU};
 
 use super::guide::Guide;
+use super::importance::Useful;
 use crate::light::{Departure, DrawnFrom, Light};
 use crate::math::random::{Dimension, Purpose};
 use crate::math::{Bounds, DVec3, Distribution, Frame, Ray, Rgb, Stream, choose, sampling};
@@ -294,9 +295,24 @@ impl<'s> Sources<'s> {
             *count += 1.0;
             *sum += power;
         }
-        let shares: Vec<f64> = (0..self.sources.len()).map(|index| self.shares.probability(index)).collect();
         let mean = |(count, sum): (f64, f64)| if count > 0.0 { sum / count } else { 0.0 };
-        let wanted: Vec<f64> = shares.iter().zip(&found).map(|(share, &found)| share * mean(found)).collect();
+        self.share_out(|index, share| share * mean(found[index]));
+    }
+
+    /// Draws sources anew in the shares that leave the least noise in what is seen, given photons that are of use there, of the shares
+    /// as they are: the variance that one leaves is its sum of squared powers there, and falls with its share. The light is the same.
+    pub(super) fn weigh(&mut self, useful: &[Useful]) {
+        let mut squared = vec![0.0; self.sources.len()];
+        for useful in useful {
+            squared[useful.origin.0 as usize] += useful.squared;
+        }
+        self.share_out(|index, share| (share * squared[index]).sqrt());
+    }
+
+    /// Draws sources anew in proportion to what `wanted` says of their numbers and shares, but for [`BY_POWER`].
+    fn share_out(&mut self, wanted: impl Fn(usize, f64) -> f64) {
+        let shares: Vec<f64> = (0..self.sources.len()).map(|index| self.shares.probability(index)).collect();
+        let wanted: Vec<f64> = shares.iter().enumerate().map(|(index, &share)| wanted(index, share)).collect();
         let total: f64 = wanted.iter().sum();
         if !total.is_normal() {
             return;

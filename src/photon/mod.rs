@@ -1,6 +1,7 @@
 //! Photons in media and on surfaces: how they are traced, stored and spread.
 //!
 //! - `emission` draws where they start, `pilot` finds out how, `tracer` is their journey, `pass` all of them together.
+//! - `importance` tells where photons change the picture; `guide` is what they learn about where to aim.
 //! - `history` is what a photon remembers of its way; by that, `sinks` stores it or does not.
 //! - `surfaces` are photons on surfaces: of caustics, and all; `shadows` those that tell where shadows are.
 //! - `store` puts photons in order, in blocks and under a tree; `discs` is the map for beam queries, `balls` that for point
@@ -13,6 +14,7 @@ pub(crate) mod discs;
 mod emission;
 mod guide;
 mod history;
+mod importance;
 mod instructions;
 pub mod kernel;
 mod pass;
@@ -33,6 +35,7 @@ pub use balls::{Ball, PointMap, PointMemory, PointSettings};
 pub use discs::{Disc, MapSettings, PhotonMap, Plane};
 pub use emission::{Emission, Sources, Start};
 pub use history::History;
+pub use importance::{Importon, Importons};
 pub use instructions::Instructions;
 pub use pass::{Traced, trace};
 pub use radius::{Filling, InMedium, Radii, Radius, narrowing};

@@ -43,7 +43,7 @@ const CROWDED: f64 = 1.5;
 /// the pass early: what it traced until then stands for all the light, except that it may have traced nothing.
 pub fn trace(
     scene: &Scene,
-    pass: &Pass,
+    pass: &Pass<'_>,
     progress: &(impl Fn(u64, u64) + Sync),
     stop: &(impl Fn() -> bool + Sync),
 ) -> Traced {
@@ -94,14 +94,18 @@ pub fn trace(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::{Ray, Rgb, Stream, sampling};
-    use crate::photon::Emission;
+    use crate::math::{DVec3, Ray, Rgb, Stream, sampling};
+    use crate::photon::{Emission, Importon};
     use crate::scene;
     use crate::scene::description::SingleScattering;
     use crate::transport::Events;
     use std::f64::consts::PI;
 
     fn stored(text: &str, single_scattering: SingleScattering) -> (Traced, f64) {
+        seen(text, single_scattering, None)
+    }
+
+    fn seen(text: &str, single_scattering: SingleScattering, importons: Option<&[Importon]>) -> (Traced, f64) {
         let (scene, _) = scene::from_text(text);
         let pass = Pass {
             seed: 3,
@@ -111,6 +115,7 @@ mod tests {
             emission: Emission::default(),
             max_events: Events::unlimited(),
             single_scattering,
+            importons,
         };
         let traced = trace(&scene, &pass, &|_, _| {}, &|| false);
         let first = traced.regions.iter().flatten().filter(|photon| photon.events == 0);
@@ -141,6 +146,49 @@ mod tests {
             let (traced, found) = stored(&fog(sigma, lamp), SingleScattering::Photons);
             assert_eq!(traced.forced, forced, "{what}");
             assert!((found / expected - 1.0).abs() < 0.01, "{what}: {found}, not {expected}");
+        }
+    }
+
+    /// Two lamps light a long box of fog, or of voxels, of which one end is seen: there photons lie much closer than without importance,
+    /// and bring as much light, as they do to the rest.
+    #[test]
+    fn importance_moves_photons_and_no_light() {
+        for density in ["", "density = { type = \"noise\", threshold = 0.1, scale = 5 }\n"] {
+            let text = format!(
+                "[camera]\nposition = [0, 0, 9]\ntarget = [0, 0, 0]\n[media.fog]\nsigma_t = 0.5\nalbedo = 0.8\n{density}\
+                 [[shapes]]\ntype = \"box\"\nmin = [-10, -1, -1]\nmax = [10, 1, 1]\ninterior = \"fog\"\n\
+                 [[lights]]\ntype = \"point\"\nposition = [-9, 0, 0]\nintensity = 2\n\
+                 [[lights]]\ntype = \"point\"\nposition = [9, 0, 0]\nintensity = 2\n"
+            );
+            // The end that is seen, in the scene's own coordinates.
+            let middle = scene::from_text(&text).0.geometry.all_bounds().center();
+            let importon = |i: u32| {
+                let [x, y, z] = [0.754_877_7, 0.569_840_3, 0.618_034].map(|step: f64| (f64::from(i) * step).fract());
+                let place = middle + DVec3::new(-10.0 + 2.0 * x, 2.0 * y - 1.0, 2.0 * z - 1.0);
+                Importon { position: place.as_vec3(), weight: 1.0 }
+            };
+            let importons: Vec<Importon> = (0..8192).map(importon).collect();
+            let of = |importons| {
+                let (traced, _) = seen(&text, SingleScattering::Photons, importons);
+                // Counts, powers and their squares.
+                let mut ends = [[0.0; 3]; 2];
+                for photon in traced.regions.iter().flatten() {
+                    let end = usize::from(f64::from(photon.position.x) - middle.x > -8.0);
+                    let power = f64::from(photon.power.x);
+                    [1.0, power, power * power].iter().zip(&mut ends[end]).for_each(|(of, sum)| *sum += of);
+                }
+                ends
+            };
+            let (even, important) = (of(None), of(Some(&importons)));
+            let share = |ends: &[[f64; 3]; 2]| ends[0][0] / (ends[0][0] + ends[1][0]);
+            assert!(share(&important) > 1.7 * share(&even), "{density}: {} of photons", share(&important));
+            for (even, important) in even.iter().zip(&important) {
+                let [_, light, _] = even;
+                // Flights leave some three photons each.
+                let error = (3.0 * (even[2] + important[2])).sqrt() / light;
+                let off = important[1] / light - 1.0;
+                assert!(error < 0.06 && off.abs() < 3.0 * error, "{density}: {off} of the light, {error} expected");
+            }
         }
     }
 

@@ -9,23 +9,31 @@
 //!    surfaces around them.
 //! 3. *Evened out*, where media are deep: sources are drawn so that photons enter with about the same power, and those that differ
 //!    are split or left to roulette.
-//! 4. *Dense along flights*, where media are uneven, and flights leave few photons in them.
-//! 5. *Forced*, where hardly any collides even so: first collisions are no matter of chance.
-//! 6. *Counted*: longer pilots, as long as too few photons tell the yield.
+//! 4. *Important*, where that is asked for: sources are drawn for what is seen, and photons are kept by how much they count there.
+//! 5. *Dense along flights*, where media are uneven, and flights leave few photons in them.
+//! 6. *Forced*, where hardly any collides even so: first collisions are no matter of chance.
+//! 7. *Counted*: longer pilots, as long as too few photons tell the yield.
 //!
 //! Where photons are to be emitted as lights shine, none are aimed, and sources are not evened out.
 
+use super::Photon;
+use super::importance::{Importance, Useful, aimed};
 use super::tracer::{Chunk, Entry, Tracer};
 use crate::math::random::Purpose;
 
 /// Emissions of the pilot that tells the yield; more where they store fewer photons than [`TELLING`].
 const PILOTS: [u64; 3] = [1 << 12, 1 << 16, 1 << 20];
+/// Emissions of a pilot that tells where photons lie.
+const PLACES: u64 = 1 << 14;
 /// A pilot that stores so many photons tells enough.
 const TELLING: u64 = 64;
 /// Where fewer emissions than this share collide, photons are aimed at what they may collide in.
 const SELDOM: f64 = 0.2;
 /// Where fewer emissions than this share collide, first collisions are forced.
 const RARE: f64 = 0.01;
+/// Sources are evened out for deep media where these are entered more often than this, for each emission that collides anywhere: else most
+/// photons are of other media, to which other sources may matter.
+const MOSTLY_DEEP: f64 = 0.5;
 /// Photons of one walk through a deep medium lie near one another, and many of them are hardly more than one. So more are
 /// emitted, and about one is kept of each walk, as in solids of uneven density where walks leave more than this many each.
 const MANY: f64 = 8.0;
@@ -88,7 +96,11 @@ pub(super) fn prepare(tracer: &mut Tracer<'_>, stop: &(impl Fn() -> bool + Sync)
             run(tracer, few).into_iter().flat_map(|chunk| chunk.entering).collect()
         };
         if aims {
-            tracer.sources.even_out(&entering(tracer));
+            let entering = entering(tracer);
+            let collided = found.collided * found.emitted as f64;
+            if entering.len() >= TELLING as usize && entering.len() as f64 > MOSTLY_DEEP * collided {
+                tracer.sources.even_out(&entering);
+            }
         }
         let portion = middle_of_power(entering(tracer).into_iter().map(|(_, power)| power).collect());
         tracer.entry = portion.map_or(Entry::Free, Entry::Portioned);
@@ -97,6 +109,23 @@ pub(super) fn prepare(tracer: &mut Tracer<'_>, stop: &(impl Fn() -> bool + Sync)
             *typical = portion.map_or(*typical, super::tracer::least_to_enter);
         }
         found = count(tracer, few);
+    }
+
+    // Important.
+    if let Some(importons) = tracer.pass.importons {
+        tracer.quota.notes = true;
+        let pilot = |tracer: &Tracer<'_>| run(tracer, PLACES);
+        let places = |chunks: &[Chunk]| Importance::new(importons, photons(chunks).map(|photon| photon.position));
+        let bare = pilot(tracer);
+        if let Some(importance) = places(&bare).filter(|_| aims) {
+            let origins = bare.iter().flat_map(|chunk| &chunk.origins);
+            let useful: Vec<Useful> = importance.useful(photons(&bare).zip(origins.copied())).collect();
+            tracer.sources.weigh(&useful);
+            tracer.sources.learn(&aimed(&useful));
+        }
+        tracer.quota.importance = places(&pilot(tracer));
+        tracer.quota.notes = false;
+        found = count(tracer, PLACES);
     }
 
     // Dense along flights.
@@ -145,6 +174,11 @@ impl Yield {
         let surplus = if correlated < many { 1.0 } else { correlated.min(affordable).clamp(1.0, MOST_MORE) };
         Yield { emitted, collided: sum(&|chunk| chunk.collided) as f64 / emitted as f64, stored, surplus }
     }
+}
+
+/// The photons of chunks.
+fn photons(chunks: &[Chunk]) -> impl Iterator<Item = &Photon> {
+    chunks.iter().flat_map(|chunk| &chunk.volume.photons).map(|(_, photon)| photon)
 }
 
 /// The median of powers.

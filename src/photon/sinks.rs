@@ -1,6 +1,7 @@
 //! Where photons are stored: the one place that decides which, by how they came.
 
 use super::history::{History, Since};
+use super::importance::Importance;
 use super::{PackedNormal, Photon};
 use crate::math::{DVec3, Rgb, Stream, Vec3};
 use crate::medium::Medium;
@@ -37,7 +38,9 @@ pub(super) struct VolumeQuota<'s> {
     pub keep: f64,
     /// How many lie along flights for each collision.
     pub rate: f64,
-    /// Whether photons' powers are noted.
+    /// How important places are, if photons are kept by that.
+    pub importance: Option<Importance>,
+    /// Whether photons' powers and origins are noted.
     pub notes: bool,
 }
 
@@ -56,6 +59,7 @@ impl<'s> VolumeQuota<'s> {
             uneven: (0..scene.media.len()).map(|medium| scene.uneven(medium as u32)).collect(),
             keep: 1.0,
             rate: 1.0,
+            importance: None,
             notes: false,
         }
     }
@@ -154,6 +158,11 @@ impl VolumeSink {
                 clearance = Some(clear);
             }
         }
+        if stored && let Some(importance) = &quota.importance {
+            let share = importance.keep(at.point.as_vec3());
+            keep *= share;
+            stored = stream.uniform() < share;
+        }
         if stored {
             let photon = Photon {
                 position: at.point.as_vec3(),
@@ -194,9 +203,17 @@ impl VolumeSink {
             while t + next / rate < to {
                 t += next / rate;
                 next = stream.exponential();
-                let scattered = power(t) * medium.albedo;
+                let (scattered, position) = (power(t) * medium.albedo, flight.ray.at(t).as_vec3());
+                let mut rate = rate;
+                if let Some(importance) = &quota.importance {
+                    let share = importance.keep(position);
+                    if stream.uniform() >= share {
+                        continue;
+                    }
+                    rate *= share;
+                }
                 let photon = Photon {
-                    position: flight.ray.at(t).as_vec3(),
+                    position,
                     direction: flight.ray.direction.as_vec3(),
                     power: (scattered * medium.extinction / rate).as_vec3(),
                     events: events.min(255) as u8,

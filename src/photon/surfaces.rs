@@ -8,8 +8,9 @@ use std::ops::ControlFlow;
 
 use rayon::prelude::*;
 
-use super::emission::{Aim, Emission, Sources, Start};
+use super::emission::{Emission, Sources, Start};
 use super::history::History;
+use super::importance::{Importance, Importon, Origin, Useful, aimed};
 use super::tracer::in_chunks;
 use super::{PackedNormal, Photon};
 use crate::math::random::Purpose;
@@ -32,7 +33,7 @@ pub enum Kind {
 
 /// What a map of photons on surfaces is asked for.
 #[derive(Clone, Copy, Debug)]
-pub struct SurfacePass {
+pub struct SurfacePass<'a> {
     /// Which photons.
     pub kind: Kind,
     /// The user's seed.
@@ -49,6 +50,8 @@ pub struct SurfacePass {
     pub max_events: Events,
     /// Whether photons are of no use where surfaces send hardly any light to one another.
     pub needs_exchange: bool,
+    /// Where they count in the picture, if they are drawn and kept by that.
+    pub importons: Option<&'a [Importon]>,
 }
 
 /// What it holds.
@@ -70,11 +73,10 @@ pub struct Landed {
     pub tally: Tally,
 }
 
-/// Where a photon started: the number of its source, and at what it was aimed, if it was.
-type Origin = (u32, Option<Aim>);
-
 /// Emissions of the pilot that tells the yield.
 const PILOT: u64 = 1 << 13;
+/// Emissions of a pilot that tells where photons land.
+const PILOT_OF_PLACES: u64 = 1 << 14;
 /// No more emissions than so many for each photon that is wanted: light that hardly ever meets a lens is no caustic worth
 /// more.
 const MOST_EMISSIONS: u64 = 16;
@@ -121,7 +123,7 @@ pub fn may_land(scene: &Scene, kind: Kind) -> bool {
 /// be; `stop` ends the pass early. No more than pilots are emitted where hardly any would land, or hardly any of use.
 pub fn trace_surfaces(
     scene: &Scene,
-    pass: &SurfacePass,
+    pass: &SurfacePass<'_>,
     progress: &(impl Fn(u64, u64) + Sync),
     stop: &(impl Fn() -> bool + Sync),
 ) -> Landed {
@@ -129,7 +131,7 @@ pub fn trace_surfaces(
         Kind::Caustic => Sources::of_lights(scene),
         Kind::Global => Sources::new(scene),
     };
-    let mut tracer = SurfaceTracer { scene, pass, sources: sources.clone(), notes: true };
+    let mut tracer = SurfaceTracer { scene, pass, sources: sources.clone(), importance: None, notes: true };
     if tracer.sources.is_empty() {
         return Landed::default();
     }
@@ -163,9 +165,27 @@ pub fn trace_surfaces(
         return Landed { from_media_only: found.scattered >= FEWEST as u64, ..Landed::default() };
     }
 
-    // From which sources photons come that are of use, and aimed whither.
-    if pass.emission.aims && tracer.sources.have_choices() {
-        let mut learnt = SurfaceTracer { sources: tracer.sources.clone(), ..tracer };
+    // From which sources photons come that are of use, and aimed whither; what is of use in what is seen, and kept there.
+    let mut pilots = PILOT;
+    if let Some(importons) = pass.importons {
+        pilots = PILOT_OF_PLACES;
+        let pilot = |tracer: &SurfaceTracer<'_>| tracer.run(Purpose::Pilot, pilots, &|_, _| {}, stop);
+        let places = |found: &Landed| Importance::new(importons, found.photons.iter().map(|photon| photon.position));
+        found = pilot(&tracer);
+        if let Some(importance) = places(&found).filter(|_| pass.emission.aims && tracer.sources.have_choices()) {
+            let origins = found.origins.iter().map(|&(origin, _)| origin);
+            let useful: Vec<Useful> = importance.useful(found.photons.iter().zip(origins)).collect();
+            tracer.sources.weigh(&useful);
+            tracer.sources.learn(&aimed(&useful));
+            found = pilot(&tracer);
+        }
+        tracer.importance = places(&found);
+        found = pilot(&tracer);
+        if found.photons.is_empty() {
+            return Landed::default();
+        }
+    } else if pass.emission.aims && tracer.sources.have_choices() {
+        let mut learnt = SurfaceTracer { sources: tracer.sources.clone(), importance: None, ..tracer };
         let origins = || found.origins.iter();
         learnt.sources.even_out(&origins().map(|&((source, _), power)| (source, power)).collect::<Vec<_>>());
         learnt.sources.learn(&origins().filter_map(|&((_, aim), power)| Some((aim?, power))).collect::<Vec<_>>());
@@ -177,7 +197,7 @@ pub fn trace_surfaces(
     tracer.notes = false;
 
     let most = pass.target.saturating_mul(MOST_EMISSIONS).min(pass.max_emitted);
-    let wanted = pass.target.saturating_mul(PILOT) / found.photons.len() as u64;
+    let wanted = pass.target.saturating_mul(pilots) / found.photons.len() as u64;
     let emitted = wanted.clamp(1, most.max(1));
     let purpose = match pass.kind {
         Kind::Caustic => Purpose::Caustic,
@@ -198,8 +218,10 @@ fn evenly(photons: &[Photon]) -> f64 {
 /// What all of them share.
 struct SurfaceTracer<'s> {
     scene: &'s Scene,
-    pass: &'s SurfacePass,
+    pass: &'s SurfacePass<'s>,
     sources: Sources<'s>,
+    /// How important places are, if photons are kept by that.
+    importance: Option<Importance>,
     /// Whether it is noted where photons started.
     notes: bool,
 }
@@ -349,6 +371,14 @@ impl<'s> Traveller<'s> for Landing<'_, 's> {
 impl Landing<'_, '_> {
     /// Stores what lands: on Lambertian surfaces as the shading normal sees it, |i·s|/|i·g| of the power that the surface gets.
     fn deposit(&mut self, at: &Interaction, luggage: &Luggage<Remembered>) {
+        let mut power = luggage.weight;
+        if let Some(importance) = &self.tracer.importance {
+            let share = importance.keep(at.point.as_vec3());
+            if self.stream.uniform() >= share {
+                return;
+            }
+            power /= share;
+        }
         self.found.scattered += u64::from(luggage.own.history.is_scattered());
         self.found.exchanged += u64::from(luggage.own.from_surface);
         self.found.origins.extend(self.origin.map(|origin| (origin, luggage.weight.element_sum())));
@@ -358,7 +388,7 @@ impl Landing<'_, '_> {
         self.found.photons.push(Photon {
             position: at.point.as_vec3(),
             direction: direction.as_vec3(),
-            power: (luggage.weight * seen).as_vec3(),
+            power: (power * seen).as_vec3(),
             events: luggage.events.min(255) as u8,
             normal: PackedNormal::new(normal),
         });
@@ -388,6 +418,7 @@ mod tests {
             emission,
             max_events,
             needs_exchange: false,
+            importons: None,
         };
         assert!(may_land(&scene, kind));
         trace_surfaces(&scene, &pass, &|_, _| {}, &|| false)

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::emission::{Emission, Sources, Start};
 use super::history::History;
+use super::importance::{Importon, Origin};
 use super::sinks::{VolumeQuota, VolumeSink};
 use crate::math::random::{Dimension, Purpose};
 use crate::math::{Ray, Rgb, Stream};
@@ -20,7 +21,7 @@ use crate::transport::{
 
 /// What a photon pass should do.
 #[derive(Clone, Copy, Debug)]
-pub struct Pass {
+pub struct Pass<'a> {
     /// The user's seed.
     pub seed: u64,
     /// The number of the pass: each draws photons of its own.
@@ -35,6 +36,8 @@ pub struct Pass {
     pub max_events: Events,
     /// Who finds light that a medium scatters straight from a light: what is asked for is not stored.
     pub single_scattering: SingleScattering,
+    /// Where they count in the picture, if they are drawn and kept by that.
+    pub importons: Option<&'a [Importon]>,
 }
 
 /// Emissions that one task traces.
@@ -65,7 +68,7 @@ pub(super) fn least_to_enter(portion: f64) -> f64 {
 /// How photons are emitted and traced: what the [pilots](super::pilot) find out.
 pub(super) struct Tracer<'s> {
     pub scene: &'s Scene,
-    pub pass: &'s Pass,
+    pub pass: &'s Pass<'s>,
     /// Where photons start.
     pub sources: Sources<'s>,
     /// What the volume map stores.
@@ -92,6 +95,8 @@ pub(super) struct Chunk {
     pub collisions: u64,
     /// Sources and powers of photons that enter deep media, while these are noted.
     pub entering: Vec<(u32, f64)>,
+    /// Of each photon for the map, where it started, while that is noted.
+    pub origins: Vec<Origin>,
     pub tally: Tally,
     /// Room for the places on a flight where a weight changed, and the weights until there.
     steps: Vec<(f64, Rgb)>,
@@ -130,7 +135,7 @@ pub(super) fn in_chunks<C: Default + Send, R: Default>(
 
 impl<'s> Tracer<'s> {
     /// Before any pilot.
-    pub fn new(scene: &'s Scene, pass: &'s Pass) -> Self {
+    pub fn new(scene: &'s Scene, pass: &'s Pass<'s>) -> Self {
         Tracer {
             scene,
             pass,
@@ -176,7 +181,7 @@ impl<'s> Tracer<'s> {
         parts: &mut Parts<'s, Remembered>,
         stop: &(dyn Fn() -> bool + Sync),
     ) {
-        let Some(Start { ray, power, inside, from_light, source, .. }) = self.sources.start(stream) else { return };
+        let Some(Start { ray, power, inside, from_light, source, aim }) = self.sources.start(stream) else { return };
         if !power.is_finite() {
             chunk.tally.broken += 1;
             return;
@@ -194,6 +199,9 @@ impl<'s> Tracer<'s> {
         let mut flying = Flying { tracer: self, chunk, stream, stop, source, collided: false };
         travel(&mut flying, start, parts);
         let collided = flying.collided;
+        if self.quota.notes {
+            chunk.origins.resize(chunk.volume.photons.len(), (source, aim));
+        }
         chunk.collided += u64::from(collided);
         chunk.storing += u64::from(chunk.volume.photons.len() > stored);
     }

@@ -7,6 +7,7 @@ mod done;
 mod exact;
 mod eye;
 mod film;
+mod importons;
 mod irradiance;
 mod light_tracer;
 mod limits;

@@ -306,7 +306,7 @@ impl<P: Progress> Renderer<'_, P> {
 }
 
 /// What a pass asks the photon pass for.
-pub(super) fn order(plan: &Plan, pass: u32) -> photon::Pass {
+pub(super) fn order(plan: &Plan, pass: u32) -> photon::Pass<'_> {
     photon::Pass {
         seed: plan.seed,
         index: pass as u64,
@@ -315,5 +315,6 @@ pub(super) fn order(plan: &Plan, pass: u32) -> photon::Pass {
         emission: plan.emission,
         max_events: plan.max_events,
         single_scattering: plan.single_scattering,
+        importons: plan.importons.as_ref().map(|importons| importons.media.as_slice()),
     }
 }

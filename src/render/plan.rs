@@ -1,12 +1,14 @@
 //! What a scene needs, decided once, before anything is traced.
 
+use std::sync::Arc;
+
 use crate::Result;
 use crate::gather::march::{Marcher, Stepping};
 use crate::gather::{Cells, GlobalSettings, Reach, Spacing};
 use crate::math::Bounds;
 use crate::medium::Medium;
 use crate::photon::kernel::Profile;
-use crate::photon::{Ball, Emission, InMedium, Kind, PointSettings, Radius, may_land, served_lights};
+use crate::photon::{Ball, Emission, Importons, InMedium, Kind, PointSettings, Radius, may_land, served_lights};
 use crate::scene::description::{
     self, Boundaries, Estimate, Indirect, Kernel, March, Method, Records, SingleScattering, Step, SurfaceEstimate,
     SurfaceFilter, Volume,
@@ -15,6 +17,7 @@ use crate::scene::{Inside, Scene, Settings};
 use crate::transport::Events;
 
 use super::camera::Camera;
+use super::importons;
 use super::limits::Limits;
 use super::pilot::Pilot;
 
@@ -55,6 +58,8 @@ pub struct Plan {
     pub max_emitted: u64,
     /// How they are emitted.
     pub emission: Emission,
+    /// Where they count in the picture, if they are drawn and kept by that.
+    pub importons: Option<Arc<Importons>>,
     /// How wide they are spread.
     pub radius: Radius,
     /// What is done about walls near photons.
@@ -248,6 +253,8 @@ impl Plan {
             }),
             max_emitted: settings.photons.max_emitted,
             emission: Emission { aims: settings.photons.projection, by: settings.photons.emission },
+            importons: (render.method == Method::Photon && settings.photons.importance)
+                .then(|| Arc::new(importons::trace(scene, camera, render.seed, surface.indirect))),
             radius,
             points: None,
             traced: (volume.single_scattering.asks_lights() && volume.march.is_some())

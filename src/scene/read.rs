@@ -317,10 +317,10 @@ fn photons(table: &Table) -> Read<Photons> {
     let projection = table.get_or("projection", true, Item::boolean);
     let ways = [("qmc", PhotonEmission::Qmc), ("random", PhotonEmission::Random)];
     let emission = table.get_or("emission", PhotonEmission::Qmc, |item| item.choice(&ways, &[]));
-    let importance = table.get("importance", |item| off(item, "importance of photons is"));
+    let importance = table.get_or("importance", false, Item::boolean);
     let density_control = table.get("density_control", |item| off(item, "density control is"));
     table.finish()?;
-    importance.and(density_control)?;
+    density_control?;
     Ok(Photons {
         volume: volume?,
         global: global?,
@@ -328,6 +328,7 @@ fn photons(table: &Table) -> Read<Photons> {
         max_emitted: max_emitted?,
         projection: projection?,
         emission: emission?,
+        importance: importance?,
     })
 }
 

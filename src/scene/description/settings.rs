@@ -142,6 +142,8 @@ pub struct Photons {
     pub projection: bool,
     /// What photons are drawn by.
     pub emission: PhotonEmission,
+    /// Whether photons are drawn and kept by how much they count in the picture.
+    pub importance: bool,
 }
 
 /// What photons are drawn by.
