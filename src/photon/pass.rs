@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::Photon;
+use super::control::{Filled, RICHER, hand_over};
 use super::pilot;
 use super::tracer::{CHUNK, Pass, Tracer};
 use crate::math::random::Purpose;
@@ -59,13 +60,14 @@ pub fn trace(
     if found.collided == 0.0 || (found.stored == 0 && !asked) || stop() {
         return Traced { emitted: found.emitted, forced: tracer.forced, ..empty() };
     }
+    let target = pass.target.saturating_mul(if pass.control.is_some() { RICHER } else { 1 });
     let share = found.stored as f64 / found.emitted as f64;
     let crowded = if found.surplus > 1.0 { 1.0 } else { CROWDED };
-    let wanted = (pass.target as f64 / share * found.surplus).ceil().max(1.0) as u64;
+    let wanted = (target as f64 / share * found.surplus).ceil().max(1.0) as u64;
     let emitted = wanted.max(FEWEST).min(pass.max_emitted);
     let expected = emitted as f64 * share;
-    if expected > crowded * pass.target as f64 {
-        tracer.quota.keep = pass.target as f64 / expected;
+    if expected > crowded * target as f64 {
+        tracer.quota.keep = target as f64 / expected;
     }
 
     // A part at a time: photons need not be held twice.
@@ -84,7 +86,12 @@ pub fn trace(
 
     // Each photon stands for its part of the light.
     let scale = (1.0 / traced.emitted.max(1) as f64) as f32;
+    let stored = traced.stored();
     for photons in &mut traced.regions {
+        if let Some(tagged) = pass.control {
+            let target = (pass.target as f64 * photons.len() as f64 / stored.max(1) as f64).ceil() as u64;
+            *photons = hand_over(std::mem::take(photons), target, Filled::Media, tagged);
+        }
         photons.par_iter_mut().for_each(|photon| photon.power *= scale);
         photons.shrink_to_fit();
     }
@@ -116,6 +123,7 @@ mod tests {
             max_events: Events::unlimited(),
             single_scattering,
             importons,
+            control: None,
         };
         let traced = trace(&scene, &pass, &|_, _| {}, &|| false);
         let first = traced.regions.iter().flatten().filter(|photon| photon.events == 0);

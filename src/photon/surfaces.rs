@@ -8,6 +8,7 @@ use std::ops::ControlFlow;
 
 use rayon::prelude::*;
 
+use super::control::{Filled, RICHER, Tagged, hand_over};
 use super::emission::{Emission, Sources, Start};
 use super::history::History;
 use super::importance::{Importance, Importon, Origin, Useful, aimed};
@@ -52,6 +53,9 @@ pub struct SurfacePass<'a> {
     pub needs_exchange: bool,
     /// Where they count in the picture, if they are drawn and kept by that.
     pub importons: Option<&'a [Importon]>,
+    /// Whether more photons are traced, and hand their power to neighbours where they lie closest; and whether only to those of as many
+    /// events.
+    pub control: Option<Tagged>,
 }
 
 /// What it holds.
@@ -196,8 +200,10 @@ pub fn trace_surfaces(
     }
     tracer.notes = false;
 
-    let most = pass.target.saturating_mul(MOST_EMISSIONS).min(pass.max_emitted);
-    let wanted = pass.target.saturating_mul(pilots) / found.photons.len() as u64;
+    let richer = if pass.control.is_some() { RICHER } else { 1 };
+    let traced = pass.target.saturating_mul(richer);
+    let most = traced.saturating_mul(MOST_EMISSIONS).min(pass.max_emitted);
+    let wanted = traced.saturating_mul(pilots) / found.photons.len() as u64;
     let emitted = wanted.clamp(1, most.max(1));
     let purpose = match pass.kind {
         Kind::Caustic => Purpose::Caustic,
@@ -206,6 +212,9 @@ pub fn trace_surfaces(
     let mut landed = tracer.run(purpose, emitted, progress, stop);
     let scale = (1.0 / landed.emitted.max(1) as f64) as f32;
     landed.photons.par_iter_mut().for_each(|photon| photon.power *= scale);
+    if let Some(tagged) = pass.control {
+        landed.photons = hand_over(landed.photons, pass.target, Filled::Surfaces, tagged);
+    }
     landed
 }
 
@@ -419,6 +428,7 @@ mod tests {
             max_events,
             needs_exchange: false,
             importons: None,
+            control: None,
         };
         assert!(may_land(&scene, kind));
         trace_surfaces(&scene, &pass, &|_, _| {}, &|| false)

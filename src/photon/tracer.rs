@@ -5,6 +5,7 @@ use std::ops::{ControlFlow, Range};
 
 use rayon::prelude::*;
 
+use super::control::Tagged;
 use super::emission::{Emission, Sources, Start};
 use super::history::History;
 use super::importance::{Importon, Origin};
@@ -38,6 +39,9 @@ pub struct Pass<'a> {
     pub single_scattering: SingleScattering,
     /// Where they count in the picture, if they are drawn and kept by that.
     pub importons: Option<&'a [Importon]>,
+    /// Whether more photons are traced, and hand their power to neighbours where they lie closest; and whether only to those of as many
+    /// events.
+    pub control: Option<Tagged>,
 }
 
 /// Emissions that one task traces.

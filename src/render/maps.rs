@@ -153,6 +153,7 @@ fn landed(
             Kind::Caustic => importons.caustic.as_slice(),
             Kind::Global => importons.global.as_slice(),
         }),
+        control: plan.control(),
     };
     let landed = trace_surfaces(scene, &order, &|done, _| progress.advance(done), stop);
     if stop() {

@@ -8,7 +8,9 @@ use crate::gather::{Cells, GlobalSettings, Reach, Spacing};
 use crate::math::Bounds;
 use crate::medium::Medium;
 use crate::photon::kernel::Profile;
-use crate::photon::{Ball, Emission, Importons, InMedium, Kind, PointSettings, Radius, may_land, served_lights};
+use crate::photon::{
+    Ball, Emission, Importons, InMedium, Kind, PointSettings, Radius, Tagged, may_land, served_lights,
+};
 use crate::scene::description::{
     self, Boundaries, Estimate, Indirect, Kernel, March, Method, Records, SingleScattering, Step, SurfaceEstimate,
     SurfaceFilter, Volume,
@@ -60,6 +62,8 @@ pub struct Plan {
     pub emission: Emission,
     /// Where they count in the picture, if they are drawn and kept by that.
     pub importons: Option<Arc<Importons>>,
+    /// Whether more are traced, and hand their power to neighbours where they lie closest.
+    pub density_control: bool,
     /// How wide they are spread.
     pub radius: Radius,
     /// What is done about walls near photons.
@@ -255,6 +259,7 @@ impl Plan {
             emission: Emission { aims: settings.photons.projection, by: settings.photons.emission },
             importons: (render.method == Method::Photon && settings.photons.importance)
                 .then(|| Arc::new(importons::trace(scene, camera, render.seed, surface.indirect))),
+            density_control: settings.photons.density_control,
             radius,
             points: None,
             traced: (volume.single_scattering.asks_lights() && volume.march.is_some())
@@ -275,6 +280,11 @@ impl Plan {
             plan.split = pilot.collisions_are_rare(parts);
         }
         Ok(plan)
+    }
+
+    /// Whether photons' density is controlled, and whether they are told apart by their events then.
+    pub(super) fn control(&self) -> Option<Tagged> {
+        self.density_control.then_some(Tagged(self.tagged))
     }
 }
 

@@ -304,11 +304,6 @@ fn render(table: &Table) -> Read<Render> {
     })
 }
 
-/// A switch that is off: what it would turn on is still to come; `what` ends in a verb.
-fn off(item: &Item, what: &str) -> Read<()> {
-    if item.boolean()? { Err(item.unsupported(what)) } else { Ok(()) }
-}
-
 fn photons(table: &Table) -> Read<Photons> {
     let volume = table.get("volume", |item| item.u64(1));
     let global = table.get("global", |item| item.u64(0));
@@ -318,9 +313,8 @@ fn photons(table: &Table) -> Read<Photons> {
     let ways = [("qmc", PhotonEmission::Qmc), ("random", PhotonEmission::Random)];
     let emission = table.get_or("emission", PhotonEmission::Qmc, |item| item.choice(&ways, &[]));
     let importance = table.get_or("importance", false, Item::boolean);
-    let density_control = table.get("density_control", |item| off(item, "density control is"));
+    let density_control = table.get_or("density_control", false, Item::boolean);
     table.finish()?;
-    density_control?;
     Ok(Photons {
         volume: volume?,
         global: global?,
@@ -329,6 +323,7 @@ fn photons(table: &Table) -> Read<Photons> {
         projection: projection?,
         emission: emission?,
         importance: importance?,
+        density_control: density_control?,
     })
 }
 

@@ -144,6 +144,8 @@ pub struct Photons {
     pub emission: PhotonEmission,
     /// Whether photons are drawn and kept by how much they count in the picture.
     pub importance: bool,
+    /// Whether more photons are traced than kept, and hand their power to neighbours where they lie closest.
+    pub density_control: bool,
 }
 
 /// What photons are drawn by.
