@@ -59,8 +59,9 @@ const PRIOR: f64 = 0.5;
 /// All photons are kept where there is as much importance as this for them, of what they have on average: to trace others in their place
 /// takes longer than to gather them.
 const ENOUGH: f64 = 0.25;
-/// However unimportant, no fewer than this share of photons is kept. One that is seen after all does not stand out by more.
-const LEAST: f64 = 1.0 / 32.0;
+/// However unimportant, no fewer than this share of photons is kept: one that is seen after all does not stand out by more, nor are more
+/// traced.
+const LEAST: f64 = 1.0 / 8.0;
 /// However important, a photon counts as no more than so many when sources are chosen.
 const MOST: f64 = 8.0;
 

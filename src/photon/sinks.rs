@@ -158,7 +158,9 @@ impl VolumeSink {
                 clearance = Some(clear);
             }
         }
-        if stored && let Some(importance) = &quota.importance {
+        // Deep down, transmittance has told already.
+        let importance = quota.importance.as_ref().filter(|_| quota.deep[at.index as usize].is_none());
+        if stored && let Some(importance) = importance {
             let share = importance.keep(at.point.as_vec3());
             keep *= share;
             stored = stream.uniform() < share;
