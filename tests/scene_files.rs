@@ -167,11 +167,14 @@ light_samples = 4
 passes = 3
 seed = 18446744073709551615
 max_depth = 3
+quality = "high"
 
 [photons]
 volume = 1_000
 max_emitted = 2_000
 projection = false
+importance = true
+density_control = true
 emission = "random"
 
 [volume]
@@ -317,7 +320,15 @@ fn every_key_is_read_as_the_manual_says() {
 
     assert_eq!(
         scene.render,
-        Render { method: Method::Path, samples: 8, light_samples: 4, passes: 3, seed: u64::MAX, max_depth: 3 }
+        Render {
+            method: Method::Path,
+            quality: Quality::High,
+            samples: 8,
+            light_samples: 4,
+            passes: 3,
+            seed: u64::MAX,
+            max_depth: 3
+        }
     );
     let photons = Photons {
         volume: Some(1000),
@@ -326,6 +337,8 @@ fn every_key_is_read_as_the_manual_says() {
         max_emitted: 2000,
         projection: false,
         emission: PhotonEmission::Random,
+        importance: true,
+        density_control: true,
     };
     assert_eq!(scene.photons, photons);
     let volume = Volume {
@@ -353,7 +366,15 @@ fn a_camera_is_enough() {
     assert_eq!((scene.film.crop, scene.film.size()), (None, (640, 480)));
     assert_eq!(
         scene.render,
-        Render { method: Method::Photon, samples: 16, light_samples: 1, passes: 1, seed: 1, max_depth: 0 }
+        Render {
+            method: Method::Photon,
+            quality: Quality::Normal,
+            samples: 16,
+            light_samples: 1,
+            passes: 1,
+            seed: 1,
+            max_depth: 0
+        }
     );
     assert_eq!((scene.volume.kernel, scene.volume.estimate), (Kernel::Variable, Estimate::Beam));
     assert_eq!(scene.volume.march, None);
@@ -456,9 +477,8 @@ const MISTAKES: &[(&str, &str, &str)] = &[
         "found \"no\"; expected true or false",
     ),
     // Still to come.
-    ("[photons]\nimportance = ‸true\n", "photons.importance", "importance of photons is not supported yet"),
-    ("[photons]\ndensity_control = ‸true\n", "photons.density_control", "density control is not supported yet"),
-    ("[render]\nquality = ‸\"draft\"\n", "render.quality", "\"draft\" is not supported yet"),
+    ("[photons]\nimportance = ‸\"eye\"\n", "photons.importance", "expected true or false"),
+    ("[render]\nquality = ‸\"best\"\n", "render.quality", "draft"),
     ("[media.a]\nsigma_s = 1\nadd = ‸1\n", "media.a.add", "found 1; expected true or false"),
     (
         "[media.a]\nsigma_s = 1\ndensity = { type = \"noise\", precision = ‸\"half\" }\n",

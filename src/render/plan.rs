@@ -171,7 +171,7 @@ impl Plan {
 
         // How wide they are spread, by the extent that they can fill: of media with an end, else of the scene.
         let extent = extent_of_media(scene);
-        let default_neighbours = if is_dense(scene) { DENSE_NEIGHBOURS } else { NEIGHBOURS };
+        let default_neighbours = render.quality.neighbours(if is_dense(scene) { DENSE_NEIGHBOURS } else { NEIGHBOURS });
         let radius = match volume.kernel {
             Kernel::Fixed => {
                 // As wide as would hold n photons if they filled the extent evenly.
@@ -341,7 +341,7 @@ pub fn volume_photons(scene: &Scene, settings: &Settings) -> u64 {
     let once = Events::of_max_depth(render.max_depth) == Events::at_most(1);
     let asks_for_all = once && volume.single_scattering.asks_lights() && scene.glows.is_empty();
     let gathers = render.method == Method::Photon && scatters && shines && !asks_for_all;
-    let default = if is_dense(scene) { DENSE_PHOTONS } else { VOLUME_PHOTONS };
+    let default = render.quality.photons(if is_dense(scene) { DENSE_PHOTONS } else { VOLUME_PHOTONS });
     if gathers { photons.volume.unwrap_or(default) } else { 0 }
 }
 
@@ -380,7 +380,8 @@ pub fn shadow_photons(scene: &Scene, settings: &Settings) -> u64 {
 
 /// Photons in a map on surfaces, unless the scene file says otherwise: who asks for few in media wants a quick picture.
 fn on_surfaces(settings: &Settings) -> u64 {
-    settings.photons.volume.map_or(SURFACE_PHOTONS, |volume| volume.min(SURFACE_PHOTONS))
+    let default = settings.render.quality.photons(SURFACE_PHOTONS);
+    settings.photons.volume.map_or(default, |volume| volume.min(default))
 }
 
 /// Whether all media that scatter are in solids that hardly any light passes straight.

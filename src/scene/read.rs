@@ -13,8 +13,8 @@ use std::sync::Arc;
 
 use super::description::{
     Boundaries, Camera, Description, Document, Estimate, Film, Filter, FovAxis, Indirect, Kernel, March, Method,
-    PhotonEmission, Photons, Profile, Projection, Records, Render, SingleScattering, Step, Surface, SurfaceEstimate,
-    SurfaceFilter, ToneMap, Unit, Volume, Window, World,
+    PhotonEmission, Photons, Profile, Projection, Quality, Records, Render, SingleScattering, Step, Surface,
+    SurfaceEstimate, SurfaceFilter, ToneMap, Unit, Volume, Window, World,
 };
 use super::table::{Item, Problems, Read, Table, unit};
 use super::text::text_of;
@@ -286,16 +286,18 @@ fn render(table: &Table) -> Read<Render> {
     let methods: Vec<_> =
         Method::ALL.iter().map(|method| (method.name(), *method)).chain([("auto", Method::Photon)]).collect();
     let method = table.get_or("method", Method::Photon, |item| item.choice(&methods, &[]));
-    let quality = table.get_or("quality", (), |item| item.choice(&[("normal", ())], &["draft", "high"]));
-    let samples = table.get_or("samples", 16, |item| item.u32(1));
+    let qualities = [("draft", Quality::Draft), ("normal", Quality::Normal), ("high", Quality::High)];
+    let quality = table.get_or("quality", Quality::Normal, |item| item.choice(&qualities, &[]));
+    let chosen = *quality.as_ref().unwrap_or(&Quality::Normal);
+    let samples = table.get_or("samples", chosen.samples(), |item| item.u32(1));
     let light_samples = table.get_or("light_samples", 1, |item| item.integer(1, MOST_LIGHT_SAMPLES));
-    let passes = table.get_or("passes", 1, |item| item.u32(1));
+    let passes = table.get_or("passes", chosen.passes(), |item| item.u32(1));
     let seed = table.get_or("seed", 1, |item| item.u64(0));
     let max_depth = table.get_or("max_depth", 0, |item| item.u32(0));
     table.finish()?;
-    quality?;
     Ok(Render {
         method: method?,
+        quality: quality?,
         samples: samples?,
         light_samples: light_samples?,
         passes: passes?,

@@ -84,6 +84,8 @@ pub enum ToneMap {
 pub struct Render {
     /// How the image is computed.
     pub method: Method,
+    /// What numbers that the scene does not give are chosen for.
+    pub quality: Quality,
     /// Camera samples per pixel and pass, at least 1; of [`Method::Light`] as many light paths, too.
     pub samples: u32,
     /// Shadow rays for each question for light at the first surface of a camera ray that spreads light, at least 1.
@@ -94,6 +96,40 @@ pub struct Render {
     pub seed: u64,
     /// The number of events between light and eye; 0: unlimited.
     pub max_depth: u32,
+}
+
+/// What numbers that the scene does not give are chosen for: photons, neighbours, samples and passes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Quality {
+    /// A quick look: a quarter of the photons and samples, and half of the neighbours.
+    Draft,
+    /// A picture.
+    Normal,
+    /// Four passes of that, in ever narrower discs.
+    High,
+}
+
+impl Quality {
+    /// Photons of a map, where a picture has `normal`.
+    pub fn photons(self, normal: u64) -> u64 {
+        if self == Quality::Draft { normal / 4 } else { normal }
+    }
+
+    /// Photons that adaptive radii in media cover, where a picture has `normal`.
+    pub fn neighbours(self, normal: u32) -> u32 {
+        if self == Quality::Draft { normal / 2 } else { normal }
+    }
+
+    /// Camera samples per pixel and pass.
+    pub fn samples(self) -> u32 {
+        if self == Quality::Draft { 4 } else { 16 }
+    }
+
+    /// Passes.
+    pub fn passes(self) -> u32 {
+        if self == Quality::High { 4 } else { 1 }
+    }
 }
 
 /// How the image is computed.
