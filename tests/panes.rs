@@ -1,6 +1,6 @@
 //! Light that sheets let straight through is asked for: every method finds it, through as many as its events allow.
 
-use crate::support::{Checks, Estimate};
+use crate::support::{Checks, Estimate, render};
 
 /// A floor of reflectance 0.5, seen straight from above at the origin. Sheets cast no caustics.
 const FLOOR: &str = r#"
@@ -110,6 +110,31 @@ fn lamps_of_no_size_shine_through_sheets() {
         }
     }
     checks.finish();
+}
+
+/// A lamp that a pane mirrors aslant, before black: every sample finds it, though few paths go there, and once; through another pane, if
+/// there may be that many events.
+#[test]
+fn every_sample_finds_a_lamp_in_a_pane() {
+    let lamp = "[[shapes]]\ntype = \"quad\"\norigin = [-3, 2, -6]\nedge_u = [6, 0, 0]\nedge_v = [0, 0, 5]\nemission = { radiance = 7 }\n";
+    let text = |above: &str| {
+        let view = "[camera]\nposition = [0, 1, 2]\ntarget = [0, 0, 0]\nup = [0, 1, 0]\nfov = 0.01\n";
+        let scene =
+            FLOOR.replace("[camera]\nposition = [0, 1, 0]\ntarget = [0, 0, 0]\nup = [0, 0, -1]\nfov = 0.01\n", view);
+        format!("{}{}{lamp}{above}", scene.replace("material = \"floor\"", "material = \"black\""), sheet("pane", 0.01))
+    };
+    let passed = passed(1.0 / 5.0f64.sqrt());
+    let mirrored = 7.0 * (1.0 - passed);
+    let other = sheet("pane", 1.5);
+    for method in ["path", "photon", "whitted"] {
+        for (above, depth, expected) in [("", 1, mirrored), (&other, 1, 0.0), (&other, 2, mirrored * passed)] {
+            let set = [format!("render.method={method}"), format!("render.max_depth={depth}")];
+            let overrides = [&set[0], &set[1], "render.samples=4"];
+            let image = render(&text(above), &overrides).film.image();
+            let found = image.channel_means();
+            assert!((found[0] - expected).abs() <= 1e-3 * expected, "{method}, {depth}: {found:?}, not {expected}");
+        }
+    }
 }
 
 /// Walls that shine 1 − ρ and reflect ρ around fog that scatters only, in which sheets hang, one in the other: all is 1, wherever light is

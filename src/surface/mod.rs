@@ -268,12 +268,18 @@ impl Bsdf {
         survives(weight, factor, stream).then_some(Onward { direction, density })
     }
 
-    /// Where the one specular part of what also spreads light sends an eye path, and the factor that it leaves of its weight: all
-    /// that [`onward`](Self::onward) draws with density 0, on average. `None` where there is no such part, or more of them.
+    /// Where what also spreads light, or lets it pass straight on, mirrors an eye path to, and the factor that it leaves of its weight: all
+    /// that [`onward`](Self::onward) draws with density 0 on this side, on average. `None` where there is no such part, or more of them.
     #[inline]
     pub fn mirrored(&self, at: &Incidence) -> Option<(DVec3, Rgb)> {
-        let Bsdf::Coated(coated) = self else { return None };
-        let Drawn { direction, factor, .. } = coated.mirrored(at)?;
+        let (direction, factor) = match self {
+            Bsdf::Thin(thin) => thin.mirrored(at),
+            Bsdf::Coated(coated) => {
+                let Drawn { direction, factor, .. } = coated.mirrored(at)?;
+                (direction, factor)
+            }
+            _ => return None,
+        };
         (direction.dot(at.normal) > 0.0).then_some((direction, factor))
     }
 

@@ -21,6 +21,12 @@ impl Thin {
         (normal, reflected)
     }
 
+    /// Where it mirrors an eye path to, and how much of it.
+    pub(super) fn mirrored(&self, at: &Incidence) -> (DVec3, Rgb) {
+        let (normal, reflected) = self.reflected(at);
+        (reflect(at.direction, normal), reflected)
+    }
+
     /// What passes, all of it straight on.
     pub(super) fn straight(&self, at: &Incidence) -> Straight {
         Straight { passed: Rgb::ONE - self.reflected(at).1, longer: Rgb::ONE }

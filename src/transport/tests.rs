@@ -580,8 +580,8 @@ fn specular_kinds_have_no_density() {
     }
 }
 
-/// What a coat mirrors and what comes from its base, each followed for certain, are together what is drawn by chance: above and below
-/// a plane, and as a mirror. Where both are followed, so are the densities.
+/// What a coat or a sheet mirrors and what comes from the base or passes, each followed for certain, are together what is drawn by chance:
+/// above and below a plane, and as a mirror. Where both are followed, so are the densities.
 #[test]
 fn coats_and_their_bases_may_be_followed_apart() {
     const N: usize = 40_000;
@@ -606,7 +606,7 @@ fn coats_and_their_bases_may_be_followed_apart() {
                         continue;
                     };
                     let bin = match onward.density {
-                        0.0 => 0,
+                        0.0 if onward.direction.z > 0.0 => 0,
                         _ if onward.direction.z > 0.6 => 1,
                         _ => 2,
                     };

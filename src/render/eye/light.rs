@@ -139,8 +139,12 @@ impl Looking<'_, '_, '_> {
         let (direction, density) = at.medium.phase.sample(at.direction, self.context.stream);
         luggage.weight *= at.medium.albedo;
         luggage.own.turn = Turn::Medium { point: at.point, density, landing };
-        let mut walk = Walk::new(scene, Ray::new(at.point, direction), at.inside.clone());
-        let max_events = self.eye.settings.max_events;
+        self.meet_straight_on(Walk::new(scene, Ray::new(at.point, direction), at.inside.clone()), luggage);
+    }
+
+    /// Light that is met by chance without another turn, through sheets.
+    fn meet_straight_on(&mut self, mut walk: Walk<'_>, mut luggage: Luggage<Path>) {
+        let (max_events, direction) = (self.eye.settings.max_events, walk.ray.direction);
         let mut arriving = Arriving { looking: self, luggage: &mut luggage };
         loop {
             match walk.advance(&mut arriving) {
@@ -238,9 +242,9 @@ impl Looking<'_, '_, '_> {
         brought && at.bsdf.nature() == Nature::Narrow && luggage.own.spread != Spread::Other
     }
 
-    /// Looks along the way that a coat mirrors for what shines there. A path that may also go on by the base draws that way
-    /// rarely, and a lamp in the coat would make it count many times over. Returns whether that is known now, so that it does not
-    /// count for the path that goes on there.
+    /// Looks along the way that a coat or a sheet mirrors for what shines there, straight on. A path that may also go on by the base, or
+    /// pass, draws that way rarely, and a lamp in the coat would make it count many times over. Returns whether that is known now, so that
+    /// it does not count for the path that goes on there.
     pub(super) fn glimpse(&mut self, at: &Interaction, walk: &Walk<'_>, luggage: &Luggage<Path>) -> bool {
         if !self.eye.lights_have_size {
             return false;
@@ -248,16 +252,13 @@ impl Looking<'_, '_, '_> {
         let Some((direction, factor)) = at.bsdf.mirrored(&at.incidence) else { return false };
         let uncast = luggage.own.uncast || !at.caustics.casts;
         let own = Path { bent: true, uncast, glimpsed: false, turn: Turn::Specular, ..luggage.own.clone() };
-        let mut mirrored = luggage.part(luggage.weight * factor, own);
+        let mirrored = luggage.part(luggage.weight * factor, own);
         if self.is_idle(&mirrored) {
             return false;
         }
         let mut walk = walk.clone();
         walk.leave(at, direction);
-        let mut arriving = Arriving { looking: self, luggage: &mut mirrored };
-        if let Stop::Escaped = walk.advance(&mut arriving) {
-            self.escape(direction, &mirrored);
-        }
+        self.meet_straight_on(walk, mirrored);
         true
     }
 

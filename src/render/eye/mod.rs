@@ -124,8 +124,10 @@ pub struct Path {
     uncast: bool,
     /// What it has yet to find.
     seeks: Seeks,
-    /// Whether what shines at the end of the way that it takes is known already: see [`Looking::glimpse`].
+    /// Whether what shines straight on, on the way that it takes, is known already: see [`Looking::glimpse`],
     glimpsed: bool,
+    /// and whether it is on the way that the surface mirrors to which it has come.
+    mirror_glimpsed: bool,
     /// Whether it splits in media.
     splits: bool,
     /// Where it turned last.
@@ -146,6 +148,7 @@ impl Path {
             bent: false,
             seeks: Seeks::All,
             glimpsed: false,
+            mirror_glimpsed: false,
             turn: Turn::Specular,
             drawn: None,
             landing: None,
@@ -237,6 +240,7 @@ impl<'s> Eye<'s> {
             uncast: false,
             seeks: Seeks::All,
             glimpsed: false,
+            mirror_glimpsed: false,
             splits,
             turn: Turn::Specular,
             drawn: None,
@@ -271,6 +275,7 @@ impl<'s> Eye<'s> {
             uncast: !at.caustics.receives,
             seeks: Seeks::Scattered,
             glimpsed: false,
+            mirror_glimpsed: false,
             splits: false,
             turn: Turn::Surface { receiver: vertex.receiver(), density, rays: 1, embers: 1 },
             drawn: None,
@@ -401,13 +406,12 @@ impl<'s> Looking<'_, '_, 's> {
             return None;
         }
 
-        // What its coat mirrors: all of it, apart from what the base sends, or what shines in it.
-        let coat = self.splits_coat(luggage, at);
-        if let Some(base) = coat {
+        // What its coat or a sheet mirrors: all of it, apart from what the base sends or the sheet lets pass, or what shines in it.
+        let coat = if passes { Some(Lobe::Refracted) } else { self.splits_coat(luggage, at) };
+        if let Some(base) = coat.filter(|_| !passes) {
             self.send_apart(at, walk, luggage, parts, Some(base.other()));
-        } else {
-            luggage.own.glimpsed = self.glimpse(at, walk, luggage);
         }
+        luggage.own.mirror_glimpsed = coat.is_none() && self.glimpse(at, walk, luggage);
         luggage.own.diffuse |= diffuse;
 
         // Where all is known of the light that it spreads, on by specular events alone.
@@ -451,7 +455,7 @@ impl<'s> Looking<'_, '_, 's> {
         }
 
         // On, both ways where that matters: the lesser part waits.
-        let Some(lesser) = lesser else { return self.send(at, luggage, coat.or(passes.then_some(Lobe::Refracted))) };
+        let Some(lesser) = lesser else { return self.send(at, luggage, coat) };
         let other = luggage.clone();
         let heading = self.send(at, luggage, Some(lesser.other()));
         self.send_apart(at, walk, &other, parts, Some(lesser));
@@ -471,11 +475,15 @@ impl<'s> Looking<'_, '_, 's> {
             let rays = self.shadow_rays(luggage.events);
             let embers = if diffuse { self.embers(luggage.events) } else { 0 };
             luggage.own.turn = Turn::Surface { receiver: vertex.receiver(), density: onward.density, rays, embers };
-            luggage.own.glimpsed = false;
             luggage.own.seeks = Seeks::All;
         } else if event != Event::Passed {
             luggage.own.turn = Turn::Specular;
         }
+        luggage.own.glimpsed = match event {
+            Event::Passed => luggage.own.glimpsed,
+            Event::Mirrored => luggage.own.mirror_glimpsed,
+            Event::Refracted | Event::Narrow | Event::Scattered => false,
+        };
         if event == Event::Scattered {
             luggage.own.bent = false;
             luggage.own.uncast = !at.caustics.receives;

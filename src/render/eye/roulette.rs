@@ -59,8 +59,8 @@ impl Looking<'_, '_, '_> {
         }
     }
 
-    /// Whether a path follows what a smooth coat mirrors apart from what the base sends, which is the lobe that is left then. The
-    /// mirror's part was rarely drawn, and counted many times over.
+    /// Whether a path follows what a smooth coat or a sheet mirrors apart from what the base sends or the sheet lets pass, which is the lobe
+    /// that is left then. The mirror's part was rarely drawn, and counted many times over.
     pub(super) fn splits_coat(&self, luggage: &Luggage<Path>, at: &Interaction) -> Option<Lobe> {
         if !self.eye.has_photons() || luggage.own.diffuse {
             return None;
