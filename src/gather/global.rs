@@ -1,5 +1,6 @@
 //! Radiance that surfaces reflect of all light, from the global photon map.
 
+use super::flux::FluxMap;
 use super::surface::{Place, Reach, SurfaceMap, are_one};
 use crate::math::{Rgb, Stream, Vec3};
 use crate::photon::{Ball, Kind, Load, Photon, PointMap, PointMemory};
@@ -14,6 +15,7 @@ use std::f64::consts::PI;
 pub struct GlobalMap {
     photons: SurfaceMap,
     irradiances: Option<PointMap>,
+    flux: Option<FluxMap>,
     /// The radius over which light is averaged, on average.
     blur: f64,
 }
@@ -43,20 +45,29 @@ pub struct GlobalSettings {
     pub precomputed: u32,
     /// The cap of radii within which a precomputed irradiance is looked for.
     pub max_radius: f32,
+    /// Whether it is kept from where scattered photons come.
+    pub flux: bool,
 }
 
 impl GlobalMap {
-    /// Puts photons in order, with the same result for any number of threads; all radii are `scale` times as wide.
-    pub fn build(scene: &Scene, photons: Vec<Photon>, settings: &GlobalSettings, scale: f32) -> Self {
-        let GlobalSettings { reach, filter, precomputed, max_radius } = *settings;
+    /// Puts photons in order, and some of those that were `scattered` before, with the same result for any number of threads; all
+    /// radii are `scale` times as wide.
+    pub fn build(
+        scene: &Scene,
+        (photons, scattered): (Vec<Photon>, Vec<Photon>),
+        settings: &GlobalSettings,
+        scale: f32,
+    ) -> Self {
+        let GlobalSettings { reach, filter, precomputed, max_radius, .. } = *settings;
         let some = photons.iter().step_by(precomputed.max(1) as usize).filter(|_| precomputed > 0);
         let places: Vec<_> = some.map(|photon| (photon.position, photon.normal)).collect();
+        let flux = settings.flux.then(|| FluxMap::build(scattered, max_radius));
         let photons = SurfaceMap::build(scene, (Kind::Global, photons), reach, filter, scale);
         let irradiances = (!places.is_empty()).then(|| {
             let nearest = Ball::Nearest { neighbours: CANDIDATES, max_radius };
             PointMap::on_surfaces(photons.irradiances(scene, &places, precomputed), nearest, 1.0)
         });
-        GlobalMap { blur: photons.mean_radius(), photons, irradiances }
+        GlobalMap { blur: photons.mean_radius(), photons, irradiances, flux }
     }
 
     /// How many photons were left out because a number was not finite.
@@ -66,7 +77,14 @@ impl GlobalMap {
 
     /// Memory taken, in bytes.
     pub fn bytes(&self) -> usize {
-        self.photons.bytes() + self.irradiances.as_ref().map_or(0, PointMap::bytes)
+        self.photons.bytes()
+            + self.irradiances.as_ref().map_or(0, PointMap::bytes)
+            + self.flux.as_ref().map_or(0, FluxMap::bytes)
+    }
+
+    /// From where scattered photons come, if that is kept.
+    pub fn flux(&self) -> Option<&FluxMap> {
+        self.flux.as_ref()
     }
 
     /// The radius over which light is averaged, on average: nearer than this, the light of two places is one.

@@ -67,9 +67,11 @@ pub struct Landed {
     pub emitted: u64,
     /// Whether there are none, as surfaces send hardly any light to one another, though media send light to them.
     pub from_media_only: bool,
-    /// Photons stored that were scattered before,
-    scattered: u64,
-    /// and those of them that were scattered by a surface last.
+    /// Some of those traced that were scattered before: they tell where light comes from.
+    pub scattered: Vec<Photon>,
+    /// Which of those traced were,
+    scattered_ones: Vec<u32>,
+    /// and how many by a surface last.
     exchanged: u64,
     /// Of each, while it is noted, where it started and its power.
     origins: Vec<(Origin, f64)>,
@@ -90,6 +92,9 @@ const BETTER: f64 = 1.2;
 
 /// Specular surfaces that are aimed at one by one, at most: every photon asks every target for its density.
 const MOST_TARGETS: usize = 64;
+
+/// Where light comes from changes slowly from place to place: one in so many photons tells it.
+const ONE_IN: usize = 4;
 
 /// Where fewer of the pilot's photons land, there is no map: paths find that light by chance.
 const FEWEST: usize = 8;
@@ -166,7 +171,7 @@ pub fn trace_surfaces(
         return Landed::default();
     }
     if pass.needs_exchange && found.exchanged < FEWEST as u64 {
-        return Landed { from_media_only: found.scattered >= FEWEST as u64, ..Landed::default() };
+        return Landed { from_media_only: found.scattered_ones.len() >= FEWEST, ..Landed::default() };
     }
 
     // From which sources photons come that are of use, and aimed whither; what is of use in what is seen, and kept there.
@@ -212,6 +217,8 @@ pub fn trace_surfaces(
     let mut landed = tracer.run(purpose, emitted, progress, stop);
     let scale = (1.0 / landed.emitted.max(1) as f64) as f32;
     landed.photons.par_iter_mut().for_each(|photon| photon.power *= scale);
+    let photon = |index: &u32| landed.photons[*index as usize];
+    landed.scattered = landed.scattered_ones.iter().step_by(ONE_IN).map(photon).collect();
     if let Some(tagged) = pass.control {
         landed.photons = hand_over(landed.photons, pass.target, Filled::Surfaces, tagged);
     }
@@ -254,7 +261,8 @@ impl<'s> SurfaceTracer<'s> {
         let mut all = Landed::default();
         for chunk in in_chunks(0..emitted, stop, emit, end) {
             all.emitted += chunk.emitted;
-            all.scattered += chunk.scattered;
+            let before = all.photons.len() as u32;
+            all.scattered_ones.extend(chunk.scattered_ones.iter().map(|index| before + index));
             all.exchanged += chunk.exchanged;
             all.origins.extend(chunk.origins);
             all.tally = all.tally.merge(chunk.tally);
@@ -388,7 +396,9 @@ impl Landing<'_, '_> {
             }
             power /= share;
         }
-        self.found.scattered += u64::from(luggage.own.history.is_scattered());
+        if luggage.own.history.is_scattered() {
+            self.found.scattered_ones.push(self.found.photons.len() as u32);
+        }
         self.found.exchanged += u64::from(luggage.own.from_surface);
         self.found.origins.extend(self.origin.map(|origin| (origin, luggage.weight.element_sum())));
         let Incidence { direction, normal, shading_normal, .. } = at.incidence;

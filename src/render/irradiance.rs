@@ -14,6 +14,7 @@ use super::plan::{CacheSettings, Plan};
 use crate::gather::{GatherStats, Gathering, IrradianceCache, Queue, Record};
 use crate::math::random::{Purpose, mix};
 use crate::math::{Frame, Rgb, Stream};
+use crate::photon::PointMemory;
 use crate::scene::Scene;
 use crate::surface::{Nature, Side};
 use crate::transport::{
@@ -59,7 +60,7 @@ impl<'s> Filler<'_, 's> {
         let (width, height) = self.camera.size();
         // On what is rough all over, a cache finds no rest.
         let rays = MOST_RAYS * u64::from(width) * u64::from(height) * u64::from(self.plan.samples);
-        let most = rays.div_ceil(self.settings.cells.count() as u64) as usize;
+        let most = rays.div_ceil(self.settings.rays() as u64) as usize;
         let mut filled = Filled::default();
         for (round, stride) in STRIDES.into_iter().enumerate() {
             let is_old = |x: u32| x.is_multiple_of(2 * stride);
@@ -111,20 +112,25 @@ impl<'s> Filler<'_, 's> {
 
         // Rays through all cells, of which those that a shading normal leads below the surface find nothing.
         let frame = Frame::around(at.incidence.shading_normal);
-        let mut found: Vec<Gathering> = Vec::with_capacity(cells.count());
-        for index in 0..cells.count() {
-            let direction = cells.direction(index, &frame, stream.uniform2());
+        let rays = self.rays(&at, &frame, &mut room.flux);
+        let mut found: Vec<Gathering> = Vec::with_capacity(rays.iter().sum::<u32>() as usize);
+        let mut start = [0.0; 2];
+        for (cell, number, of) in rays.iter().enumerate().flat_map(|(cell, &of)| (0..of).map(move |i| (cell, i, of))) {
+            if number == 0 {
+                start = stream.uniform2();
+            }
+            let direction = cells.direction(cell, &frame, spread(start, number, of));
             let mut context = Context {
                 stream: &mut stream,
                 queue: &mut room.queue,
-                pixel: index as u32,
+                pixel: found.len() as u32,
                 tally: &mut tally,
                 parts: &mut room.parts,
             };
             let above = direction.dot(at.incidence.normal) > 0.0;
             let (radiance, distance) =
                 if above { self.eye.gather(&at, &walk, direction, &mut context) } else { (Rgb::ZERO, f64::INFINITY) };
-            found.push(Gathering { direction, radiance, distance });
+            found.push(Gathering { direction, radiance, distance, cell, of });
         }
         if let Mode::Gather(maps) = self.eye.mode() {
             maps.gather_streams(&mut room.queue);
@@ -138,6 +144,22 @@ impl<'s> Filler<'_, 's> {
         let record = Record::new(at.point, &frame, cells, &found, spacing, (least, max_radius));
         (Some(record.scaled(self.scale)), std::mem::take(&mut room.queue.stats), tally)
     }
+
+    /// How many rays go through each cell of a record: more where photons say that much light comes from, or evenly where they say nothing.
+    fn rays(&self, at: &Interaction, frame: &Frame, memory: &mut PointMemory) -> Vec<u32> {
+        let CacheSettings { cells, by_flux, .. } = self.settings;
+        let mut flux = vec![0.0; cells.count()];
+        if let Some(map) = self.eye.flux() {
+            map.around(at, memory, |from, power| cells.add(frame.to_local(from), power, &mut flux));
+        }
+        cells.rays(&flux, by_flux)
+    }
+}
+
+/// Number `number` of so many places in the unit square, spread evenly from `start` on: as a lattice.
+fn spread([u, v]: [f64; 2], number: u32, of: u32) -> [f64; 2] {
+    const GOLDEN: f64 = 0.618_033_988_749_895;
+    [(u + f64::from(number)) / f64::from(of), (v + GOLDEN * f64::from(number)).fract()]
 }
 
 /// What a thread keeps from record to record: memory.
@@ -145,6 +167,7 @@ impl<'s> Filler<'_, 's> {
 struct Room<'s> {
     queue: Queue<super::eye::Claim>,
     parts: Parts<'s, Path>,
+    flux: PointMemory,
 }
 
 /// A surface that a pixel sees.

@@ -106,7 +106,7 @@ impl Maps {
         }
         if !global.photons.is_empty() {
             stats.global += global.photons.len() as u64;
-            let map = GlobalMap::build(scene, global.photons, &plan.global, scale);
+            let map = GlobalMap::build(scene, (global.photons, global.scattered), &plan.global, scale);
             stats.tally.broken += map.rejected() as u64;
             bytes += map.bytes();
             self.global = Some(map);

@@ -12,8 +12,8 @@ use crate::photon::{
     Ball, Emission, Importons, InMedium, Kind, PointSettings, Radius, Tagged, may_land, served_lights,
 };
 use crate::scene::description::{
-    self, Boundaries, Estimate, Indirect, Kernel, March, Method, Records, SingleScattering, Step, SurfaceEstimate,
-    SurfaceFilter, Volume,
+    self, Boundaries, Estimate, GatherDirections, Indirect, Kernel, March, Method, Records, SingleScattering, Step,
+    SurfaceEstimate, SurfaceFilter, Volume,
 };
 use crate::scene::{Inside, Scene, Settings};
 use crate::transport::Events;
@@ -94,6 +94,8 @@ pub struct Plan {
 pub struct CacheSettings {
     /// The cells that gather rays of a record go through.
     pub cells: Cells,
+    /// How many more go where photons say that light comes from.
+    pub by_flux: u32,
     /// How far records count.
     pub spacing: Spacing,
     /// Neighbours may be apart by this share.
@@ -102,6 +104,13 @@ pub struct CacheSettings {
     pub max_radius: f64,
     /// nor less far than so many pixels' widths.
     pub min_pixels: f64,
+}
+
+impl CacheSettings {
+    /// Gather rays of a record.
+    pub fn rays(&self) -> usize {
+        self.cells.count() + self.by_flux as usize
+    }
 }
 
 /// How points on rays are looked up.
@@ -136,6 +145,8 @@ const SURFACE_PHOTONS: u64 = 200_000;
 const CAUSTIC_RADIUS_SHARE: f64 = 0.03;
 /// Gather rays of a record of the irradiance cache, unless the scene file says otherwise.
 const CACHE_RAYS: u32 = 200;
+/// The share of these that go where photons say that light comes from.
+const BY_FLUX: f64 = 0.4;
 /// The share of the scene's extent as far as which records count at most.
 const CACHE_RADIUS_SHARE: f64 = 0.1;
 /// By what share neighbouring records may be apart beyond their noise.
@@ -208,6 +219,14 @@ impl Plan {
         let max_radius = surface.max_radius.unwrap_or(MAX_RADIUS_SHARE * diagonal);
         let global_photons = global_photons(scene, settings);
 
+        // How light is gathered that is kept: of light with few events, what differs from place to place is how many the eye's side had.
+        let caches = surface.irradiance_cache && global_photons > 0 && !max_events.is_limited();
+        let cache_rays = surface.gather_rays.unwrap_or(CACHE_RAYS);
+        let by_flux = match surface.gather_directions {
+            GatherDirections::Flux if caches => (BY_FLUX * f64::from(cache_rays)) as u32,
+            GatherDirections::Flux | GatherDirections::Bsdf => 0,
+        };
+
         // All together.
         let inside = (camera.is_pinhole() || scene.solids.is_empty()).then(|| scene.inside(camera.position));
         let shadow_photons = shadow_photons(scene, settings).div_ceil(u64::from(parts));
@@ -237,23 +256,22 @@ impl Plan {
                     _ => 0,
                 },
                 max_radius: max_radius as f32,
+                flux: by_flux > 0,
             },
             shadow_photons,
             seen: if shadow_photons > 0 { pilot.seen() } else { None },
             gather_rays: surface.gather_rays.unwrap_or(1),
             accurate_distance: surface.accurate_distance,
-            // Light with few events differs from place to place by how many the eye's side had.
-            cache: (surface.irradiance_cache && global_photons > 0 && !max_events.is_limited()).then(|| {
-                CacheSettings {
-                    cells: Cells::about(surface.gather_rays.unwrap_or(CACHE_RAYS)),
-                    spacing: match surface.records {
-                        Records::Hessian => Spacing::Hessian(surface.cache_error),
-                        Records::SplitSphere => Spacing::SplitSphere(surface.cache_error),
-                    },
-                    error: CACHE_APART,
-                    max_radius: CACHE_RADIUS_SHARE * diagonal,
-                    min_pixels: CACHE_PIXELS,
-                }
+            cache: caches.then(|| CacheSettings {
+                cells: Cells::about(cache_rays - by_flux),
+                by_flux,
+                spacing: match surface.records {
+                    Records::Hessian => Spacing::Hessian(surface.cache_error),
+                    Records::SplitSphere => Spacing::SplitSphere(surface.cache_error),
+                },
+                error: CACHE_APART,
+                max_radius: CACHE_RADIUS_SHARE * diagonal,
+                min_pixels: CACHE_PIXELS,
             }),
             max_emitted: settings.photons.max_emitted,
             emission: Emission { aims: settings.photons.projection, by: settings.photons.emission },

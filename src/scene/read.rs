@@ -12,9 +12,9 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::description::{
-    Boundaries, Camera, Description, Document, Estimate, Film, Filter, FovAxis, Indirect, Kernel, March, Method,
-    PhotonEmission, Photons, Profile, Projection, Quality, Records, Render, SingleScattering, Step, Surface,
-    SurfaceEstimate, SurfaceFilter, ToneMap, Unit, Volume, Window, World,
+    Boundaries, Camera, Description, Document, Estimate, Film, Filter, FovAxis, GatherDirections, Indirect, Kernel,
+    March, Method, PhotonEmission, Photons, Profile, Projection, Quality, Records, Render, SingleScattering, Step,
+    Surface, SurfaceEstimate, SurfaceFilter, ToneMap, Unit, Volume, Window, World,
 };
 use super::table::{Item, Problems, Read, Table, unit};
 use super::text::text_of;
@@ -400,6 +400,9 @@ fn surface(table: &Table) -> Read<Surface> {
     let radius = table.get("radius", Item::length);
     let accurate_distance = table.get("accurate_distance", Item::length_or_zero);
     let gather_rays = table.get("gather_rays", |item| item.u32(1));
+    let directions = [("flux", GatherDirections::Flux), ("bsdf", GatherDirections::Bsdf)];
+    let gather_directions =
+        table.get_or("gather_directions", GatherDirections::Flux, |item| item.choice(&directions, &[]));
     let precomputed = table.get_or("precomputed_irradiance", 4, |item| item.u32(0));
     let cache = table.get_or("irradiance_cache", true, Item::boolean);
     let spacings = [("hessian", Records::Hessian), ("split_sphere", Records::SplitSphere)];
@@ -425,6 +428,7 @@ fn surface(table: &Table) -> Read<Surface> {
         caustic_radius: caustic_radius?,
         accurate_distance: accurate_distance?,
         gather_rays: gather_rays?,
+        gather_directions: gather_directions?,
         precomputed_irradiance: precomputed?,
         irradiance_cache: cache?,
         shadow_photons: shadow_photons?,

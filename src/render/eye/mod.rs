@@ -19,7 +19,7 @@ pub use claim::Claim;
 pub use component::{Component, Sample};
 
 use crate::gather::march::Marcher;
-use crate::gather::{GlobalMap, IrradianceCache, PointMaps, Queue, SurfaceMap, VisibilityMap, VolumeMaps};
+use crate::gather::{FluxMap, GlobalMap, IrradianceCache, PointMaps, Queue, SurfaceMap, VisibilityMap, VolumeMaps};
 use crate::light::Light;
 use crate::math::{DVec3, Ray, Rgb, Stream};
 use crate::scene::description::SingleScattering;
@@ -214,6 +214,14 @@ impl<'s> Eye<'s> {
     /// Whether it sends gather rays.
     pub fn gathers(&self) -> bool {
         matches!(self.settings.indirect, Indirect::Gather { .. })
+    }
+
+    /// From where light comes that they find, if photons tell that.
+    pub fn flux(&self) -> Option<&'s FluxMap> {
+        match self.settings.indirect {
+            Indirect::Gather { global: Some(global), .. } => global.flux(),
+            _ => None,
+        }
     }
 
     /// Looks into a cache before it sends gather rays, from now on.

@@ -333,6 +333,8 @@ pub struct Surface {
     pub accurate_distance: Option<f64>,
     /// Rays that gather indirect light where it is gathered, at least 1; `None`: one a sample.
     pub gather_rays: Option<u32>,
+    /// Where gather rays of records go.
+    pub gather_directions: GatherDirections,
     /// The irradiance is computed beforehand at one of so many photons of the global map; 0: at none.
     pub precomputed_irradiance: u32,
     /// Whether gathered light is kept at few places, and interpolated between them.
@@ -366,6 +368,16 @@ pub enum Indirect {
     Path,
     /// Nobody: that light is left out.
     None,
+}
+
+/// Where gather rays of the irradiance cache go.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum GatherDirections {
+    /// As the surface reflects light.
+    Bsdf,
+    /// Some of them where photons say that light comes from.
+    Flux,
 }
 
 /// How far apart the records of the irradiance cache are.
