@@ -87,6 +87,8 @@ fn main() {
             emission: Emission::default(),
             max_events: Events::unlimited(),
             single_scattering: SingleScattering::Photons,
+            importons: None,
+            control: None,
         };
         let mut traced = photon::trace(&scene, &pass, &|_, _| {}, &|| false);
         traced.regions.sort_by_key(Vec::len);

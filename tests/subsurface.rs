@@ -478,6 +478,8 @@ fn photons_in_a_dense_solid_are_nearly_independent() {
             emission: Emission::default(),
             max_events: Events::unlimited(),
             single_scattering: SingleScattering::Photons,
+            importons: None,
+            control: None,
         };
         let traced = photon::trace(&scene, &pass, &|_, _| {}, &|| false);
         let shallow = |photon: &&Photon| {

@@ -81,6 +81,8 @@ fn bands(seed: u64) -> [[[f64; 2]; 3]; 2] {
         emission: Emission::default(),
         max_events: Events::unlimited(),
         single_scattering: SingleScattering::Photons,
+        importons: None,
+        control: None,
     };
     let traced = photon::trace(&scene, &pass, &|_, _| {}, &|| false);
     let medium = &scene.media[0];
