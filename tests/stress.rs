@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use volpm::Result;
 use volpm::image::LayerData;
-use volpm::render::{Rendering, Silent, render};
+use volpm::render::{Limits, Rendering, Silent, refine, render};
 use volpm::scene;
 
 /// What a scene came to: the image's mean, and all that was warned about.
@@ -84,11 +84,27 @@ fn every_stress_scene_is_finite_or_refused() {
     }
 }
 
-/// A room that light never leaves, seen from outside, where that is not found out: the first photon's walk has no end, and is broken off.
+/// A room that light never leaves is found out from outside, too, for what shines in it; and so is an atmosphere that is dense without
+/// an end, in which walks have no mean length.
+#[test]
+fn eternity_is_found_out_from_outside() {
+    for method in [PATH, PHOTON, "render.method=light"] {
+        let error = try_render("closed", &["camera.position=[0,0,70]", method]).expect_err("light does not end");
+        assert!(error.to_string().contains("neither escapes"), "{error}");
+    }
+    let error = try_render("atmosphere", &["media.air.albedo=1", PHOTON]).expect_err("nor does it here");
+    assert!(error.to_string().contains("below its origin"), "{error}");
+}
+
+/// A room that light hardly ever leaves.
+const LASTING: [&str; 3] =
+    ["camera.position=[0,0,70]", "media.smoke.albedo=0.9999999999", "materials.white.reflectance=0.9999999999"];
+
+/// The first photon's walk has hardly an end: it is broken off when that is wanted, or its time is up, and an eye path, too.
 #[test]
 fn a_walk_without_end_is_broken_off() {
-    for method in ["photon", "light"] {
-        let overrides = ["camera.position=[0,0,70]".to_string(), format!("render.method={method}")];
+    let render_with = |overrides: &[&str], time: Option<Duration>| {
+        let overrides: Vec<String> = LASTING.iter().chain(overrides).map(|text| text.to_string()).collect();
         let description = scene::read(&folder().join("closed.toml"), &overrides).unwrap();
         let (scene, settings) = scene::build(&description).unwrap();
         let stop = Arc::new(AtomicBool::new(false));
@@ -96,16 +112,21 @@ fn a_walk_without_end_is_broken_off() {
         // Were the walk not broken off, this thread would outlive the test.
         std::thread::spawn(move || {
             let pool = ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-            let rendering = pool.install(|| render(&scene, &settings, &Silent, &told));
-            ended
-                .0
-                .send(rendering.is_ok_and(|rendering| rendering.film.image().pixels.iter().flatten().any(|&x| x > 0.0)))
+            let limits = Limits { time, ..Limits::default() };
+            let rendering = pool.install(|| refine(&scene, &settings, &limits, None, &Silent, &told));
+            let shows = |rendering: Rendering| rendering.film.image().pixels.iter().flatten().any(|&x| x > 0.0);
+            ended.0.send(rendering.is_ok_and(shows))
         });
-        std::thread::sleep(Duration::from_millis(300));
-        stop.store(true, Ordering::Relaxed);
+        if time.is_none() {
+            std::thread::sleep(Duration::from_millis(300));
+            stop.store(true, Ordering::Relaxed);
+        }
         let found = ended.1.recv_timeout(Duration::from_secs(20));
-        assert_eq!(found, Ok(false), "{method}: it goes on, or shows something");
-    }
+        assert_eq!(found, Ok(false), "{overrides:?}, {time:?}: it goes on, or shows something");
+    };
+    render_with(&[PHOTON], None);
+    render_with(&["render.method=light"], None);
+    render_with(&["camera.position=[0,0,5]", PATH], Some(Duration::from_millis(300)));
 }
 
 /// From afar, a grid is many thousand steps away: samples along rays count them all, and tables of them end where they should.

@@ -3,6 +3,7 @@
 //! - `emission` draws where they start, `pilot` finds out how, `tracer` is their journey, `pass` all of them together.
 //! - `importance` tells where photons change the picture; `guide` is what they learn about where to aim.
 //! - `control` has photons hand their power to neighbours where they lie closest.
+//! - `budget` bounds what that may cost.
 //! - `history` is what a photon remembers of its way; by that, `sinks` stores it or does not.
 //! - `surfaces` are photons on surfaces: of caustics, and all; `shadows` those that tell where shadows are.
 //! - `store` puts photons in order, in blocks and under a tree; `discs` is the map for beam queries, `balls` that for point
@@ -11,6 +12,7 @@
 //! - `simd` holds registers and sets of instructions.
 
 mod balls;
+mod budget;
 mod control;
 pub(crate) mod discs;
 mod emission;

@@ -3,9 +3,11 @@
 use rayon::prelude::*;
 
 use super::Photon;
+use super::budget::{self, Budget};
 use super::control::{Filled, RICHER, hand_over};
 use super::pilot;
 use super::tracer::{CHUNK, Pass, Tracer};
+use crate::Result;
 use crate::math::random::Purpose;
 use crate::scene::Scene;
 use crate::transport::Tally;
@@ -42,29 +44,35 @@ const CROWDED: f64 = 1.5;
 
 /// Traces photons. `progress` is told how many emissions were done since it was last told, and how many there are to be; `stop` ends
 /// the pass early: what it traced until then stands for all the light, except that it may have traced nothing.
+///
+/// # Errors
+/// [`Error::Limit`](crate::Error::Limit) where walks are so long that all of them would take too many events, or leave too many photons.
 pub fn trace(
     scene: &Scene,
     pass: &Pass<'_>,
     progress: &(impl Fn(u64, u64) + Sync),
     stop: &(impl Fn() -> bool + Sync),
-) -> Traced {
+) -> Result<Traced> {
     let mut tracer = Tracer::new(scene, pass);
     let empty = || Traced { regions: vec![Vec::new(); scene.regions as usize], ..Traced::default() };
     if tracer.sources.is_empty() || !scene.media.iter().any(|medium| medium.scatters()) {
-        return empty();
+        return Ok(empty());
     }
 
     // How many to emit, so that the map holds what it should.
     let found = pilot::prepare(&mut tracer, stop);
+    tracer.budget.settle()?;
     let asked = pass.single_scattering.asks_lights();
     if found.collided == 0.0 || (found.stored == 0 && !asked) || stop() {
-        return Traced { emitted: found.emitted, forced: tracer.forced, ..empty() };
+        return Ok(Traced { emitted: found.emitted, forced: tracer.forced, ..empty() });
     }
     let target = pass.target.saturating_mul(if pass.control.is_some() { RICHER } else { 1 });
     let share = found.stored as f64 / found.emitted as f64;
     let crowded = if found.surplus > 1.0 { 1.0 } else { CROWDED };
     let wanted = (target as f64 / share * found.surplus).ceil().max(1.0) as u64;
-    let emitted = wanted.max(FEWEST).min(pass.max_emitted);
+    let emitted = wanted.max(budget::fewest(FEWEST, found.events)).min(pass.max_emitted);
+    tracer.budget = Budget::of_pass(target);
+    tracer.budget.allow(emitted, found.events)?;
     let expected = emitted as f64 * share;
     if expected > crowded * target as f64 {
         tracer.quota.keep = target as f64 / expected;
@@ -83,6 +91,7 @@ pub fn trace(
             }
         }
     }
+    tracer.budget.settle()?;
 
     // Each photon stands for its part of the light.
     let scale = (1.0 / traced.emitted.max(1) as f64) as f32;
@@ -95,7 +104,7 @@ pub fn trace(
         photons.par_iter_mut().for_each(|photon| photon.power *= scale);
         photons.shrink_to_fit();
     }
-    traced
+    Ok(traced)
 }
 
 #[cfg(test)]
@@ -125,7 +134,7 @@ mod tests {
             importons,
             control: None,
         };
-        let traced = trace(&scene, &pass, &|_, _| {}, &|| false);
+        let traced = trace(&scene, &pass, &|_, _| {}, &|| false).unwrap();
         let first = traced.regions.iter().flatten().filter(|photon| photon.events == 0);
         let power = first.map(|photon| f64::from(photon.power.x)).sum();
         (traced, power)

@@ -17,6 +17,7 @@
 //! Where photons are to be emitted as lights shine, none are aimed, and sources are not evened out.
 
 use super::Photon;
+use super::budget;
 use super::importance::{Importance, Useful, aimed};
 use super::tracer::{Chunk, Entry, Tracer};
 use crate::math::random::Purpose;
@@ -60,11 +61,14 @@ pub(super) struct Yield {
     pub stored: u64,
     /// How many times more photons to emit than are needed to fill the map: see [`MANY`].
     pub surplus: f64,
+    /// Events of each.
+    pub events: f64,
 }
 
 /// Finds how photons are to be emitted, and what that yields.
 pub(super) fn prepare(tracer: &mut Tracer<'_>, stop: &(impl Fn() -> bool + Sync)) -> Yield {
     let deep = tracer.quota.any_is_deep();
+    tracer.quota.counts = true;
     let run = |tracer: &Tracer<'_>, count: u64| tracer.run(Purpose::Pilot, (0..count, count), &|_, _| {}, stop);
     let many = if deep {
         0.0
@@ -73,10 +77,17 @@ pub(super) fn prepare(tracer: &mut Tracer<'_>, stop: &(impl Fn() -> bool + Sync)
     } else {
         f64::INFINITY
     };
-    let count = |tracer: &Tracer<'_>, emitted: u64| Yield::of(&run(tracer, emitted), emitted, many);
+    let count = |tracer: &Tracer<'_>, emitted: u64| {
+        let before = tracer.budget.events();
+        let chunks = run(tracer, emitted);
+        Yield::of(&chunks, (emitted, tracer.budget.events() - before), many)
+    };
+
+    // Where walks are very long, a few of them tell enough.
+    let each = tracer.budget.events_of_each(|emitted| drop(run(tracer, emitted)));
+    let few = budget::pilot(PILOTS[0], each);
 
     // Bare.
-    let few = PILOTS[0];
     let mut found = count(tracer, few);
 
     // Aimed.
@@ -145,7 +156,7 @@ pub(super) fn prepare(tracer: &mut Tracer<'_>, stop: &(impl Fn() -> bool + Sync)
         tracer.forced = true;
         // Small media far from the light.
         for emitted in PILOTS {
-            found = count(tracer, emitted);
+            found = count(tracer, budget::pilot(emitted, found.events));
             if found.stored >= TELLING || stop() {
                 break;
             }
@@ -154,25 +165,28 @@ pub(super) fn prepare(tracer: &mut Tracer<'_>, stop: &(impl Fn() -> bool + Sync)
 
     // Counted: what is left to shadow rays may be nearly all.
     if asked {
-        for emitted in PILOTS {
+        for emitted in PILOTS.map(|emitted| budget::pilot(emitted, found.events)) {
             if found.stored < TELLING && emitted > found.emitted && !stop() {
                 found = count(tracer, emitted);
             }
         }
     }
+    tracer.quota.counts = false;
     found
 }
 
 impl Yield {
-    /// What the chunks of `emitted` photons hold. Walks that leave more than `many` photons each are thinned.
-    fn of(chunks: &[Chunk], emitted: u64, many: f64) -> Yield {
+    /// What the chunks of `emitted` photons hold, that took so many events. Walks that leave more than `many` photons each are thinned.
+    fn of(chunks: &[Chunk], (emitted, events): (u64, u64), many: f64) -> Yield {
         let sum = |of: &dyn Fn(&Chunk) -> u64| chunks.iter().map(of).sum::<u64>();
-        let stored = sum(&|chunk| chunk.volume.photons.len() as u64);
+        let stored = sum(&|chunk| chunk.volume.stored);
         let (storing, collisions) = (sum(&|chunk| chunk.storing), sum(&|chunk| chunk.collisions));
         let correlated = stored as f64 / storing.max(1) as f64;
         let affordable = MOST_COLLISIONS * stored as f64 / (collisions as f64 + EMISSION * emitted as f64);
         let surplus = if correlated < many { 1.0 } else { correlated.min(affordable).clamp(1.0, MOST_MORE) };
-        Yield { emitted, collided: sum(&|chunk| chunk.collided) as f64 / emitted as f64, stored, surplus }
+        let share = |count: u64| count as f64 / emitted as f64;
+        let (collided, events) = (share(sum(&|chunk| chunk.collided)), share(events));
+        Yield { emitted, collided, stored, surplus, events }
     }
 }
 

@@ -42,6 +42,8 @@ pub(super) struct VolumeQuota<'s> {
     pub importance: Option<Importance>,
     /// Whether photons' powers and origins are noted.
     pub notes: bool,
+    /// Whether photons are only counted.
+    pub counts: bool,
 }
 
 impl<'s> VolumeQuota<'s> {
@@ -61,6 +63,7 @@ impl<'s> VolumeQuota<'s> {
             rate: 1.0,
             importance: None,
             notes: false,
+            counts: false,
         }
     }
 
@@ -119,6 +122,8 @@ impl<'s> VolumeQuota<'s> {
 pub(super) struct VolumeSink {
     /// With the region that each lies in.
     pub photons: Vec<(u32, Photon)>,
+    /// How many there are, be they kept or only counted.
+    pub stored: u64,
     /// What is scattered of the light that left them, in all channels together, while that is noted.
     pub powers: Vec<f64>,
     /// For so many collisions near surfaces the distance to these is not asked for.
@@ -233,7 +238,10 @@ impl VolumeSink {
         if quota.notes {
             self.powers.push(f64::from(scattered.element_sum()));
         }
-        self.photons.push((region, photon));
+        self.stored += 1;
+        if !quota.counts || quota.notes {
+            self.photons.push((region, photon));
+        }
     }
 
     /// Begins another photon.

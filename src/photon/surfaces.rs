@@ -8,12 +8,14 @@ use std::ops::ControlFlow;
 
 use rayon::prelude::*;
 
+use super::budget::{self, Bill, Budget};
 use super::control::{Filled, RICHER, Tagged, hand_over};
 use super::emission::{Emission, Sources, Start};
 use super::history::History;
 use super::importance::{Importance, Importon, Origin, Useful, aimed};
 use super::tracer::in_chunks;
 use super::{PackedNormal, Photon};
+use crate::Result;
 use crate::math::random::Purpose;
 use crate::math::{Ray, Stream};
 use crate::scene::{Scene, Surface};
@@ -77,6 +79,7 @@ pub struct Landed {
     origins: Vec<(Origin, f64)>,
     /// Counts of mishaps.
     pub tally: Tally,
+    bill: Bill,
 }
 
 /// Emissions of the pilot that tells the yield.
@@ -98,6 +101,11 @@ const ONE_IN: usize = 4;
 
 /// Where fewer of the pilot's photons land, there is no map: paths find that light by chance.
 const FEWEST: usize = 8;
+
+/// Photons of more events than these on average are long on their way: each lands often,
+const LONG: f64 = 5000.0;
+/// and a map is of so many at least, though not all that land are kept.
+const LEAST_OF_LONG: u64 = 10_000;
 
 /// Whether a surface spreads light.
 pub(super) fn spreads(material: &Material) -> bool {
@@ -130,24 +138,33 @@ pub fn may_land(scene: &Scene, kind: Kind) -> bool {
 
 /// Traces the photons of a map. `progress` is told how many emissions were done since it was last told, and how many there are to
 /// be; `stop` ends the pass early. No more than pilots are emitted where hardly any would land, or hardly any of use.
+///
+/// # Errors
+/// As [`trace`](super::trace).
 pub fn trace_surfaces(
     scene: &Scene,
     pass: &SurfacePass<'_>,
     progress: &(impl Fn(u64, u64) + Sync),
     stop: &(impl Fn() -> bool + Sync),
-) -> Landed {
+) -> Result<Landed> {
     let sources = match pass.kind {
         Kind::Caustic => Sources::of_lights(scene),
         Kind::Global => Sources::new(scene),
     };
-    let mut tracer = SurfaceTracer { scene, pass, sources: sources.clone(), importance: None, notes: true };
+    let (budget, notes) = (Budget::of_pilots(), true);
+    let (importance, keep) = (None, 1.0);
+    let mut tracer = SurfaceTracer { scene, pass, sources: sources.clone(), importance, notes, keep, budget: &budget };
     if tracer.sources.is_empty() {
-        return Landed::default();
+        return Ok(Landed::default());
     }
+
+    // Where walks are very long, a few of them tell enough.
+    let each = budget.events_of_each(|emitted| drop(tracer.run(Purpose::Pilot, emitted, &|_, _| {}, stop)));
+    let few = budget::pilot(PILOT, each);
 
     // Aimed, at what bends light or at all there is, or not: whichever lands more. Photons that are not aimed are more alike, but those
     // that are may learn.
-    let pilot = |tracer: &SurfaceTracer<'_>| tracer.run(Purpose::Pilot, PILOT, &|_, _| {}, stop);
+    let pilot = |tracer: &SurfaceTracer<'_>| tracer.run(Purpose::Pilot, few, &|_, _| {}, stop);
     let mut found = pilot(&tracer);
     if pass.emission.aims {
         let favour = match pass.kind {
@@ -167,17 +184,19 @@ pub fn trace_surfaces(
             found = aimed;
         }
     }
+    budget.settle()?;
     if found.photons.len() < FEWEST {
-        return Landed::default();
+        return Ok(Landed::default());
     }
     if pass.needs_exchange && found.exchanged < FEWEST as u64 {
-        return Landed { from_media_only: found.scattered_ones.len() >= FEWEST, ..Landed::default() };
+        let from_media_only = found.scattered_ones.len() >= FEWEST;
+        return Ok(Landed { from_media_only, ..Landed::default() });
     }
 
     // From which sources photons come that are of use, and aimed whither; what is of use in what is seen, and kept there.
-    let mut pilots = PILOT;
+    let mut pilots = few;
     if let Some(importons) = pass.importons {
-        pilots = PILOT_OF_PLACES;
+        pilots = budget::pilot(PILOT_OF_PLACES, each);
         let pilot = |tracer: &SurfaceTracer<'_>| tracer.run(Purpose::Pilot, pilots, &|_, _| {}, stop);
         let places = |found: &Landed| Importance::new(importons, found.photons.iter().map(|photon| photon.position));
         found = pilot(&tracer);
@@ -191,7 +210,7 @@ pub fn trace_surfaces(
         tracer.importance = places(&found);
         found = pilot(&tracer);
         if found.photons.is_empty() {
-            return Landed::default();
+            return Ok(Landed::default());
         }
     } else if pass.emission.aims && tracer.sources.have_choices() {
         let mut learnt = SurfaceTracer { sources: tracer.sources.clone(), importance: None, ..tracer };
@@ -205,16 +224,28 @@ pub fn trace_surfaces(
     }
     tracer.notes = false;
 
+    budget.settle()?;
+
+    // How many, so that the map holds what it should.
     let richer = if pass.control.is_some() { RICHER } else { 1 };
     let traced = pass.target.saturating_mul(richer);
     let most = traced.saturating_mul(MOST_EMISSIONS).min(pass.max_emitted);
+    let share = found.photons.len() as f64 / pilots as f64;
     let wanted = traced.saturating_mul(pilots) / found.photons.len() as u64;
-    let emitted = wanted.clamp(1, most.max(1));
+    let mut emitted = wanted.clamp(1, most.max(1));
+    if each > LONG {
+        emitted = emitted.max(budget::fewest(LEAST_OF_LONG, each)).min(pass.max_emitted);
+        tracer.keep = (traced as f64 / (emitted as f64 * share)).min(1.0);
+    }
     let purpose = match pass.kind {
         Kind::Caustic => Purpose::Caustic,
         Kind::Global => Purpose::Global,
     };
+    let budget = Budget::of_pass(traced);
+    budget.allow(emitted, each)?;
+    let tracer = SurfaceTracer { budget: &budget, ..tracer };
     let mut landed = tracer.run(purpose, emitted, progress, stop);
+    budget.settle()?;
     let scale = (1.0 / landed.emitted.max(1) as f64) as f32;
     landed.photons.par_iter_mut().for_each(|photon| photon.power *= scale);
     let photon = |index: &u32| landed.photons[*index as usize];
@@ -222,7 +253,7 @@ pub fn trace_surfaces(
     if let Some(tagged) = pass.control {
         landed.photons = hand_over(landed.photons, pass.target, Filled::Surfaces, tagged);
     }
-    landed
+    Ok(landed)
 }
 
 /// How many photons of even power are as good, (Σ Φ)²/Σ Φ².
@@ -240,6 +271,10 @@ struct SurfaceTracer<'s> {
     importance: Option<Importance>,
     /// Whether it is noted where photons started.
     notes: bool,
+    /// The share of what lands that is kept.
+    keep: f64,
+    /// What that may cost.
+    budget: &'s Budget,
 }
 
 impl<'s> SurfaceTracer<'s> {
@@ -250,12 +285,14 @@ impl<'s> SurfaceTracer<'s> {
         progress: &(impl Fn(u64, u64) + Sync),
         stop: &(impl Fn() -> bool + Sync),
     ) -> Landed {
+        let stop = &|| stop() || self.budget.is_spent();
         let emit = |photon, found: &mut Landed, parts: &mut Parts<'s, Remembered>| {
             let mut stream = self.pass.emission.stream(self.pass.seed, purpose, photon, self.pass.index);
             self.emit(&mut stream, found, parts, stop);
         };
         let end = |found: &mut Landed, count| {
             found.emitted = count;
+            found.bill.settle(self.budget, found.photons.len());
             progress(count, emitted);
         };
         let mut all = Landed::default();
@@ -364,6 +401,7 @@ impl<'s> Traveller<'s> for Landing<'_, 's> {
         let onward = at.onward(Side::Light, None, &mut luggage.weight, self.stream, survive)?;
         let event = at.event(&onward);
         luggage.events += 1;
+        self.found.bill.add(self.tracer.budget, self.found.photons.len());
         luggage.own.history = luggage.own.history.after(event, &at);
         if event == Event::Scattered {
             luggage.own.from_surface = matches!(at, Vertex::Surface(_));
@@ -389,8 +427,11 @@ impl Landing<'_, '_> {
     /// Stores what lands: on Lambertian surfaces as the shading normal sees it, |i·s|/|i·g| of the power that the surface gets.
     fn deposit(&mut self, at: &Interaction, luggage: &Luggage<Remembered>) {
         let mut power = luggage.weight;
+        let mut share = self.tracer.keep;
         if let Some(importance) = &self.tracer.importance {
-            let share = importance.keep(at.point.as_vec3());
+            share *= importance.keep(at.point.as_vec3());
+        }
+        if self.tracer.importance.is_some() || share < 1.0 {
             if self.stream.uniform() >= share {
                 return;
             }
@@ -441,7 +482,7 @@ mod tests {
             control: None,
         };
         assert!(may_land(&scene, kind));
-        trace_surfaces(&scene, &pass, &|_, _| {}, &|| false)
+        trace_surfaces(&scene, &pass, &|_, _| {}, &|| false).unwrap()
     }
 
     fn power(caustics: &Landed) -> f64 {

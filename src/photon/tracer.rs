@@ -5,6 +5,7 @@ use std::ops::{ControlFlow, Range};
 
 use rayon::prelude::*;
 
+use super::budget::{Bill, Budget};
 use super::control::Tagged;
 use super::emission::{Emission, Sources, Start};
 use super::history::History;
@@ -83,6 +84,8 @@ pub(super) struct Tracer<'s> {
     pub entry: Entry,
     /// Whether first collisions are forced.
     pub forced: bool,
+    /// What that may cost.
+    pub budget: Budget,
 }
 
 /// What some emissions have left.
@@ -102,6 +105,7 @@ pub(super) struct Chunk {
     /// Of each photon for the map, where it started, while that is noted.
     pub origins: Vec<Origin>,
     pub tally: Tally,
+    bill: Bill,
     /// Room for the places on a flight where a weight changed, and the weights until there.
     steps: Vec<(f64, Rgb)>,
 }
@@ -148,6 +152,7 @@ impl<'s> Tracer<'s> {
             typical: None,
             entry: Entry::Free,
             forced: false,
+            budget: Budget::of_pilots(),
         }
     }
 
@@ -165,12 +170,14 @@ impl<'s> Tracer<'s> {
         progress: &(impl Fn(u64, u64) + Sync),
         stop: &(impl Fn() -> bool + Sync),
     ) -> Vec<Chunk> {
+        let stop = &|| stop() || self.budget.is_spent();
         let emit = |photon, chunk: &mut Chunk, parts: &mut Parts<'s, Remembered>| {
             let mut stream = self.pass.emission.stream(self.pass.seed, purpose, photon, self.pass.index);
             self.emit(&mut stream, chunk, parts, stop);
         };
         let end = |chunk: &mut Chunk, count| {
             chunk.emitted = count;
+            chunk.bill.settle(&self.budget, chunk.volume.photons.len());
             chunk.volume.photons.shrink_to_fit();
             progress(count, emitted);
         };
@@ -190,7 +197,7 @@ impl<'s> Tracer<'s> {
             chunk.tally.broken += 1;
             return;
         }
-        let stored = chunk.volume.photons.len();
+        let stored = chunk.volume.stored;
         chunk.volume.next();
         let own = Remembered {
             history: History::new(from_light),
@@ -207,7 +214,7 @@ impl<'s> Tracer<'s> {
             chunk.origins.resize(chunk.volume.photons.len(), (source, aim));
         }
         chunk.collided += u64::from(collided);
-        chunk.storing += u64::from(chunk.volume.photons.len() > stored);
+        chunk.storing += u64::from(chunk.volume.stored > stored);
     }
 }
 
@@ -344,6 +351,7 @@ impl<'s> Traveller<'s> for Flying<'_, 's> {
             Vertex::Medium(at) => self.collide(at, luggage),
         };
         luggage.events += 1;
+        self.chunk.bill.add(&self.tracer.budget, self.chunk.volume.photons.len());
         // One more collision and the eye's own scattering must still be allowed.
         heading.filter(|_| self.may_store(luggage.events))
     }

@@ -18,7 +18,6 @@
 //! (Kulla and Fajardo 2012). Both ways to find light share by the balance heuristic.
 
 use std::ops::{ControlFlow, Range};
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::camera::{Camera, View};
 use super::eye::{BRIGHTEST, Component, First};
@@ -52,7 +51,7 @@ pub(super) struct LightTracer<'s> {
     /// do not scatter.
     reach: Vec<f64>,
     /// Whether to break off long paths.
-    stop: &'s AtomicBool,
+    stop: &'s (dyn Fn() -> bool + Sync),
 }
 
 /// What some light paths have left.
@@ -67,7 +66,7 @@ pub(super) struct Sent {
 }
 
 impl<'s> LightTracer<'s> {
-    pub fn new(scene: &'s Scene, camera: &Camera, plan: &Plan, pass: u32, stop: &'s AtomicBool) -> Self {
+    pub fn new(scene: &'s Scene, camera: &Camera, plan: &Plan, pass: u32, stop: &'s (dyn Fn() -> bool + Sync)) -> Self {
         let (sources, camera) = (Sources::new(scene), camera.clone());
         let extent = scene.bounds().diagonal();
         // No place of a flight is nearer to parallel rays.
@@ -226,7 +225,7 @@ impl<'s> Traveller<'s> for Sending<'_, 's> {
     }
 
     fn breaks_off(&mut self) -> bool {
-        self.sent.is_broken_off |= self.tracer.stop.load(Ordering::Relaxed);
+        self.sent.is_broken_off |= (self.tracer.stop)();
         self.sent.is_broken_off
     }
 

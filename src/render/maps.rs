@@ -5,6 +5,7 @@ use std::time::Instant;
 use super::plan::{Plan, Points};
 use super::progress::Progress;
 use super::stats::Stats;
+use crate::Result;
 use crate::gather::{GlobalMap, PointMaps, SurfaceMap, VisibilityMap, VolumeMaps};
 use crate::medium::Medium;
 use crate::medium::density::Density;
@@ -84,15 +85,18 @@ impl Maps {
 impl Maps {
     /// Adds the maps of photons on surfaces that a pass needs, as narrow as after the passes before it; what that cost is added to
     /// `stats`. There is none where hardly any photon would land, or `stop` ended it.
+    ///
+    /// # Errors
+    /// As [`trace_surfaces`].
     pub(super) fn add_surfaces(
         &mut self,
         (scene, plan, pass): (&Scene, &Plan, u32),
         (stats, progress): (&mut Stats, &impl Progress),
         stop: &(impl Fn() -> bool + Sync),
-    ) {
+    ) -> Result<()> {
         let scale = narrowing(pass / plan.parts, SurfaceMap::DIMENSION) as f32;
-        let Landed { photons: caustics, .. } = landed(scene, plan, (Kind::Caustic, pass), (stats, progress), stop);
-        let global = landed(scene, plan, (Kind::Global, pass), (stats, progress), stop);
+        let Landed { photons: caustics, .. } = landed(scene, plan, (Kind::Caustic, pass), (stats, progress), stop)?;
+        let global = landed(scene, plan, (Kind::Global, pass), (stats, progress), stop)?;
         self.from_media_only = global.from_media_only;
         let shadows = shadows(scene, plan, pass, (stats, progress), stop);
         let start = Instant::now();
@@ -119,6 +123,7 @@ impl Maps {
         }
         stats.surface_bytes = stats.surface_bytes.max(bytes as u64);
         stats.build_seconds += start.elapsed().as_secs_f64();
+        Ok(())
     }
 }
 
@@ -129,13 +134,13 @@ fn landed(
     (kind, pass): (Kind, u32),
     (stats, progress): (&mut Stats, &impl Progress),
     stop: &(impl Fn() -> bool + Sync),
-) -> Landed {
+) -> Result<Landed> {
     let (target, phase) = match kind {
         Kind::Caustic => (plan.caustic_photons, "caustics"),
         Kind::Global => (plan.global_photons, "surfaces"),
     };
     if target == 0 {
-        return Landed::default();
+        return Ok(Landed::default());
     }
     let start = Instant::now();
     progress.phase(phase, 0);
@@ -155,14 +160,14 @@ fn landed(
         }),
         control: plan.control(),
     };
-    let landed = trace_surfaces(scene, &order, &|done, _| progress.advance(done), stop);
+    let landed = trace_surfaces(scene, &order, &|done, _| progress.advance(done), stop)?;
     if stop() {
-        return Landed::default();
+        return Ok(Landed::default());
     }
     stats.emitted += landed.emitted;
     stats.tally = stats.tally.merge(landed.tally);
     stats.photons_seconds += start.elapsed().as_secs_f64();
-    landed
+    Ok(landed)
 }
 
 /// Shadow photons: none if `stop` ended them.

@@ -4,6 +4,7 @@ mod camera;
 pub mod checkpoint;
 mod clock;
 mod done;
+mod eternity;
 mod exact;
 mod eye;
 mod film;

@@ -93,7 +93,7 @@ pub(super) fn run(
     if let Some(components) = &limits.shown {
         film.show_only(components);
     }
-    let clock = Clock::new(limits.time, film.has_samples());
+    let clock = &Clock::new(limits.time, film.has_samples());
     let mut warnings = Vec::new();
     if let Some(memory) = limits.memory
         && plan.parts > limits.parts_for_error(settings)
@@ -106,7 +106,7 @@ pub(super) fn run(
         warnings.extend(warnings::endless_glow(scene, Method::Light));
     }
     let mut renderer = Renderer { scene, camera, plan, shared, progress, stop, clock, film, stats, warnings };
-    let end = renderer.run(limits.passes(settings), limits.target_error);
+    let end = renderer.run(limits.passes(settings), limits.target_error)?;
     let Renderer { film, stats, mut warnings, .. } = renderer;
     if let (Some(target), Some(error)) = (limits.target_error, stats.error)
         && error > target
@@ -134,7 +134,7 @@ pub(super) struct Renderer<'s, P> {
     shared: Option<&'s Maps>,
     pub(super) progress: &'s P,
     pub(super) stop: &'s AtomicBool,
-    pub(super) clock: Clock,
+    pub(super) clock: &'s Clock,
     pub(super) film: Film,
     pub(super) stats: Stats,
     pub(super) warnings: Vec<String>,
@@ -142,7 +142,7 @@ pub(super) struct Renderer<'s, P> {
 
 impl<P: Progress> Renderer<'_, P> {
     /// Makes passes until there is a reason to end.
-    fn run(&mut self, passes: RangeInclusive<u32>, target_error: Option<f64>) -> End {
+    fn run(&mut self, passes: RangeInclusive<u32>, target_error: Option<f64>) -> Result<End> {
         let (seed, parts) = (self.plan.seed, self.plan.parts);
         let first = passes.start().saturating_sub(1).saturating_mul(parts).saturating_add(1);
         let last = passes.end().saturating_mul(parts).min(exact::MOST);
@@ -154,14 +154,14 @@ impl<P: Progress> Renderer<'_, P> {
         let missing = self.film.done().missing(seed, first..=last);
         for pass in missing {
             if precise(&self.stats) {
-                return End::Precise;
+                return Ok(End::Precise);
             }
             if !self.clock.allows_a_pass() {
-                return End::TimeUp;
+                return Ok(End::TimeUp);
             }
             let start = Instant::now();
             let (samples, before) = (self.plan.samples, self.stats.clone());
-            if !self.pass(pass - 1) {
+            if !self.pass(pass - 1)? {
                 let interrupted = self.stop.load(Ordering::Relaxed);
                 if self.stats.passes > 0 {
                     // What is not in the image is not counted.
@@ -175,17 +175,16 @@ impl<P: Progress> Renderer<'_, P> {
                         ));
                     }
                 }
-                return if interrupted { End::Interrupted } else { End::TimeUp };
+                return Ok(if interrupted { End::Interrupted } else { End::TimeUp });
             }
             self.film.end_pass(seed, pass);
-            self.clock.pass = start.elapsed();
-            self.clock.image = true;
+            self.clock.end_pass(start.elapsed());
             self.stats.passes += 1;
             self.stats.samples += self.plan.samples as u64;
             self.stats.error = self.film.error();
             self.progress.refined(&self.film, &self.stats);
         }
-        if precise(&self.stats) { End::Precise } else { End::Finished }
+        Ok(if precise(&self.stats) { End::Precise } else { End::Finished })
     }
 
     /// Whether the pass is to be left as it is.
@@ -198,18 +197,18 @@ impl<P: Progress> Renderer<'_, P> {
         if self.stopped() || self.stats.passes > 0 {
             return;
         }
-        self.clock.image = true;
+        self.clock.shows_image();
         self.progress.refined(&self.film, &self.stats);
     }
 
     /// One pass. Returns whether it came to its end.
-    fn pass(&mut self, pass: u32) -> bool {
+    fn pass(&mut self, pass: u32) -> Result<bool> {
         let own;
         let maps = match (self.plan.method, self.shared) {
             (Method::Path | Method::Light | Method::Whitted, _) => None,
             (Method::Photon, Some(shared)) => Some(shared),
             (Method::Photon, None) => {
-                own = self.maps(pass);
+                own = self.maps(pass)?;
                 Some(&own)
             }
         };
@@ -223,25 +222,25 @@ impl<P: Progress> Renderer<'_, P> {
             None => Mode::Track,
         };
         let start = Instant::now();
-        self.clock.samples = start;
+        self.clock.begin_samples();
         self.expose(mode, maps, pass);
         self.stats.render_seconds += start.elapsed().as_secs_f64();
-        !self.stopped()
+        Ok(!self.stopped())
     }
 
     /// The photon maps of a pass.
-    fn maps(&mut self, pass: u32) -> Maps {
-        let mut maps = self.volume_map(pass);
+    fn maps(&mut self, pass: u32) -> Result<Maps> {
+        let mut maps = self.volume_map(pass)?;
         let stop = || self.stop.load(Ordering::Relaxed) || self.clock.ends_photons();
-        maps.add_surfaces((self.scene, &self.plan, pass), (&mut self.stats, self.progress), &stop);
-        maps
+        maps.add_surfaces((self.scene, &self.plan, pass), (&mut self.stats, self.progress), &stop)?;
+        Ok(maps)
     }
 
     /// Those of photons in media.
-    fn volume_map(&mut self, pass: u32) -> Maps {
+    fn volume_map(&mut self, pass: u32) -> Result<Maps> {
         let (scene, progress) = (self.scene, self.progress);
         if self.plan.volume_photons == 0 {
-            return Maps::default();
+            return Ok(Maps::default());
         }
 
         // Photons.
@@ -256,7 +255,7 @@ impl<P: Progress> Renderer<'_, P> {
             progress.advance(done);
         };
         let stop = || self.stop.load(Ordering::Relaxed) || self.clock.ends_photons();
-        let traced = photon::trace(scene, &order, &advance, &stop);
+        let traced = photon::trace(scene, &order, &advance, &stop)?;
         let late = self.clock.ends_photons();
 
         // What they cost, and whether they are enough.
@@ -264,8 +263,8 @@ impl<P: Progress> Renderer<'_, P> {
         self.stats.emitted += traced.emitted;
         self.stats.volume += traced.stored();
         self.stats.tally = self.stats.tally.merge(traced.tally);
-        if self.stop.load(Ordering::Relaxed) || (late && self.clock.image) {
-            return Maps::default();
+        if self.stop.load(Ordering::Relaxed) || (late && self.clock.has_image()) {
+            return Ok(Maps::default());
         }
         if late {
             // The only image there will be.
@@ -301,7 +300,7 @@ impl<P: Progress> Renderer<'_, P> {
         }
         self.stats.built(&summaries);
         self.stats.build_seconds += start.elapsed().as_secs_f64();
-        maps
+        Ok(maps)
     }
 }
 

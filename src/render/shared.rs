@@ -57,7 +57,7 @@ impl SharedPhotons {
         if plan.volume_photons > 0 {
             progress.phase("photons", 0);
             let advance = |done, _| progress.advance(done);
-            let traced = photon::trace(scene, &order(&plan, 0), &advance, &|| stop.load(Ordering::Relaxed));
+            let traced = photon::trace(scene, &order(&plan, 0), &advance, &|| stop.load(Ordering::Relaxed))?;
             if stop.load(Ordering::Relaxed) {
                 return Err(Error::Interrupted);
             }
@@ -93,7 +93,7 @@ impl SharedMap {
             ..Stats::default()
         };
         stats.built(&maps.summaries());
-        maps.add_surfaces((scene, &plan, 0), (&mut stats, &Silent), &|| false);
+        maps.add_surfaces((scene, &plan, 0), (&mut stats, &Silent), &|| false)?;
         Ok(SharedMap { maps, stats })
     }
 

@@ -1,13 +1,11 @@
 //! Samples through the pixels of a tile.
 
 use std::ops::Range;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use super::camera::Camera;
-use super::clock::Clock;
-
 use super::eye::{Claim, Context, Eye, EyeSettings, Indirect, Mode, Path};
 use super::film::Sums;
 use super::irradiance::{Filled, Filler};
@@ -67,8 +65,7 @@ struct Round<'r, 's> {
     scene: &'s Scene,
     camera: &'r Camera,
     plan: &'r Plan,
-    clock: &'r Clock,
-    stop: &'r AtomicBool,
+    stop: &'r (dyn Fn() -> bool + Sync),
     eye: &'r Eye<'s>,
     /// Who sends light to the pixels, if not all of it is looked for.
     lamps: Option<&'r LightTracer<'s>>,
@@ -83,7 +80,9 @@ impl<P: Progress> Renderer<'_, P> {
         let tiles = tiles.columns * tiles.rows;
         // Of light that is sent, camera rays see only what comes straight from an emitter, through sheets at most.
         let sends = self.plan.method == Method::Light;
-        let lamps = sends.then(|| LightTracer::new(self.scene, &self.camera, &self.plan, pass, self.stop));
+        let (stop, clock) = (self.stop, self.clock);
+        let stop = &move || stop.load(Ordering::Relaxed) || clock.ends_samples();
+        let lamps = sends.then(|| LightTracer::new(self.scene, &self.camera, &self.plan, pass, stop));
         let tasks = lamps.as_ref().map_or(0, LightTracer::tasks_in_sample);
         let traced = self.plan.traced.clone();
         let settings = EyeSettings {
@@ -98,7 +97,7 @@ impl<P: Progress> Renderer<'_, P> {
             whitted: self.plan.method == Method::Whitted,
             sends,
             spread: self.camera.cone().map(|width| width * footprint(self.plan.samples)),
-            stop: self.stop,
+            stop,
         };
         let mut eye = Eye::new(self.scene, settings);
         let cache = self.fill_cache(&eye, pass);
@@ -112,8 +111,7 @@ impl<P: Progress> Renderer<'_, P> {
                 scene: self.scene,
                 camera: &self.camera,
                 plan: &self.plan,
-                clock: &self.clock,
-                stop: self.stop,
+                stop,
                 eye: &eye,
                 lamps: lamps.as_ref(),
                 pass,
@@ -180,12 +178,12 @@ impl<P: Progress> Renderer<'_, P> {
         let filler = Filler { scene, camera, plan, settings, eye, pass, scale };
         let stop = || self.stop.load(Ordering::Relaxed) || self.clock.ends_photons();
         let Filled { cache, gathered, tally } = filler.fill(&stop);
-        if self.clock.ends_photons() && !self.clock.image {
+        if self.clock.ends_photons() && !self.clock.has_image() {
             // The only image there will be.
             self.plan.samples = 1;
             self.warnings.push(format!("the time was up when {} places knew their indirect light", cache.len()));
         }
-        self.clock.samples = Instant::now();
+        self.clock.begin_samples();
         self.stats.records += cache.len() as u64;
         self.stats.gather += gathered;
         self.stats.tally = self.stats.tally.merge(tally);
@@ -217,7 +215,7 @@ fn footprint(samples: u32) -> f64 {
 
 impl<'s> Round<'_, 's> {
     fn stopped(&self) -> bool {
-        self.stop.load(Ordering::Relaxed) || self.clock.ends_samples()
+        (self.stop)()
     }
 
     /// Sends the light of a task, if any is sent.

@@ -21,6 +21,10 @@ pub(super) fn sparse_map(plan: &Plan, traced: &Traced) -> Option<String> {
         Some(format!(
             "the volume map holds {stored} of {wanted} photons after {emitted} emissions: raise photons.max_emitted, or aim the lights at the media"
         ))
+    } else if emitted < 1000 && emitted < plan.max_emitted {
+        Some(format!(
+            "the volume map stems from only {emitted} emissions, as light is long on its way: make more passes"
+        ))
     } else if emitted < 1000 {
         Some(format!("the volume map stems from only {emitted} emissions: raise photons.max_emitted"))
     } else {

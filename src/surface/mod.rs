@@ -102,14 +102,6 @@ impl Material {
         matches!(self, Material::Opaque(_) | Material::Mixture(_))
     }
 
-    /// Whether it is known to absorb light.
-    pub fn absorbs(&self) -> bool {
-        match self {
-            Material::Opaque(bsdf) => bsdf.albedo(&Incidence::head_on()).min_element() < 1.0,
-            Material::Dielectric(_) | Material::None | Material::Mixture(_) => false,
-        }
-    }
-
     /// Whether it mirrors or refracts a part of the light in single directions; of a mixture, its parts must be asked.
     pub fn is_partly_specular(&self) -> bool {
         match self {

@@ -12,7 +12,6 @@ mod roulette;
 mod single;
 
 use std::ops::ControlFlow;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 pub(super) use claim::BRIGHTEST;
 pub use claim::Claim;
@@ -73,7 +72,7 @@ pub struct EyeSettings<'s> {
     /// How wide what textures are taken over is at the camera, and how much wider for each unit of distance.
     pub spread: [f64; 2],
     /// Whether to break off long paths, which are of no use then.
-    pub stop: &'s AtomicBool,
+    pub stop: &'s (dyn Fn() -> bool + Sync),
 }
 
 /// Who tells what light diffuse surfaces get that comes neither straight from a light nor as a caustic.
@@ -370,7 +369,7 @@ impl<'s> Traveller<'s> for Looking<'_, '_, 's> {
     }
 
     fn breaks_off(&mut self) -> bool {
-        self.sample.is_broken_off |= self.eye.settings.stop.load(Ordering::Relaxed);
+        self.sample.is_broken_off |= (self.eye.settings.stop)();
         self.sample.is_broken_off
     }
 
@@ -654,7 +653,7 @@ radiance = 1
                 whitted: false,
                 sends: false,
                 spread: [0.0; 2],
-                stop: &AtomicBool::new(false),
+                stop: &|| false,
             };
             let eye = Eye::new(&scene, settings);
             let (mut queue, mut parts, mut tally) = (Queue::default(), Parts::new(), Tally::default());
