@@ -167,6 +167,68 @@ impl Step {
     }
 }
 
+impl Step {
+    /// A place drawn in proportion to the light that arrives if it is linear between the ends; [`BLIND`] of them by transmittance alone.
+    fn place_by_light(&self, segment: &MarchSegment, light: [Rgb; 2], u: f64) -> DrawnPlace {
+        let tau = self.tau(segment);
+        let arriving = shares(segment.weight * segment.medium.transmittance(self.depths[0]));
+        let late = tau.map(first_moment);
+        let early = tau.map(mean_transmittance) - late;
+        let masses = arriving * (early * light[0] + late * light[1]);
+        let mass = masses.element_sum();
+        let seen = (mass > 0.0 && mass.is_finite()) as u8 as f64 * (1.0 - BLIND);
+        let width = self.ends[1] - self.ends[0];
+
+        // One number chooses the channel and then the place.
+        let x = if u >= seen {
+            self.place(segment, ((u - seen) / (1.0 - seen)).min(1.0f64.next_down())).x
+        } else {
+            let (mut rest, mut channel) = (u / seen * mass, 0);
+            while channel < 2 && rest >= masses[channel] {
+                rest -= masses[channel];
+                channel += 1;
+            }
+            let v = (rest / masses[channel].max(f64::MIN_POSITIVE)).min(1.0);
+            linear_times_exponential([light[0][channel], light[1][channel]], tau[channel], v)
+        };
+        let faded = arriving * tau.map(|tau| (-tau * x).exp());
+        let by_transmittance = (faded / tau.map(mean_transmittance)).element_sum();
+        let by_light = if seen > 0.0 { (faded * light[0].lerp(light[1], x)).element_sum() / mass } else { 0.0 };
+        let density = (seen * by_light + (1.0 - seen) * by_transmittance) / width;
+        DrawnPlace { t: self.ends[0] + width * x, x, density }
+    }
+}
+
+/// The share of places of adaptive steps that are drawn without regard to the light at their ends: between them it may be anything.
+const BLIND: f64 = 0.25;
+
+/// x in [0, 1] with density ∝ (s₀ + (s₁ − s₀) x) e^{−τx}, both s at least 0 and one above.
+fn linear_times_exponential(s: [f64; 2], tau: f64, u: f64) -> f64 {
+    if s[0] == s[1] {
+        return exponential(tau, u);
+    }
+    let before = |x: f64| x * (s[0] * mean_transmittance(tau * x) + (s[1] - s[0]) * x * first_moment(tau * x));
+    let wanted = u * before(1.0);
+    // Newton's steps, where they stay in the bracket.
+    let (mut low, mut high) = (0.0, 1.0);
+    let mut x = exponential(tau, u);
+    for _ in 0..64 {
+        let over = before(x) - wanted;
+        if over > 0.0 {
+            high = x
+        } else {
+            low = x
+        }
+        let next = x - over / ((s[0] + (s[1] - s[0]) * x) * (-tau * x).exp());
+        let next = if next > low && next < high { next } else { 0.5 * (low + high) };
+        if (next - x).abs() <= 1e-14 {
+            return next;
+        }
+        x = next;
+    }
+    x
+}
+
 /// (1 − e^{−τ})/τ
 fn mean_transmittance(tau: f64) -> f64 {
     crate::math::one_minus_exp_over(tau)
@@ -284,9 +346,8 @@ impl Marcher {
         sums
     }
 
-    /// Adaptive marching. The source between the ends of a step is taken for linear; what that misses is estimated at
-    /// a place between: the steps themselves were chosen by the values at their ends, and would otherwise miss, on
-    /// average, what is too small for them.
+    /// Adaptive marching. What the ends of a step tell, by which the steps were chosen, says where between them a place is drawn, and
+    /// only that counts: no matter what was found at the ends, the sum is right on average, and no place counts less than nothing.
     fn adapt<const N: usize>(
         &self,
         segment: &MarchSegment,
@@ -334,19 +395,11 @@ impl Marcher {
                     continue;
                 }
                 let step = Step { ends: [start.t, end.t], depths: [start.depth, end.depth] };
-                let tau = step.tau(segment);
-                let before = segment.medium.transmittance(start.depth) / reached;
-                let late = tau.map(first_moment);
-                let early = tau.map(mean_transmittance) - late;
-                for (i, sum) in sums.iter_mut().enumerate() {
-                    *sum += before * width * (early * start.source[i] + late * end.source[i]);
-                }
-                let place = step.place(segment, stream.uniform());
+                let place = step.place_by_light(segment, [start.source[0], end.source[0]], stream.uniform());
                 let between = probe(place.t, stream);
-                let exact = segment.medium.transmittance(between.depth) / (place.density * reached);
-                let taken = before * tau.map(|tau| (-tau * place.x).exp()) / place.density;
-                for (i, sum) in sums.iter_mut().enumerate() {
-                    *sum += exact * between.source[i] - taken * start.source[i].lerp(end.source[i], place.x);
+                let weight = segment.medium.transmittance(between.depth) / (place.density * reached);
+                for (sum, value) in sums.iter_mut().zip(between.source) {
+                    *sum += weight * value;
                 }
                 start = *end;
                 waiting.pop();
@@ -541,6 +594,44 @@ mod tests {
                 (mean - 1.0).abs().max_element() < 1e-9 && error.max_element() < 1e-7,
                 "{stepping:?} {mean} {error}"
             );
+        }
+    }
+
+    /// Where the ends of a step are bright and what lies between is dark, as between the beams of two lamps, nothing is negative.
+    #[test]
+    fn no_light_is_less_than_none() {
+        let ray = Ray::new(DVec3::ZERO, DVec3::Z);
+        let lamps = |t: f64| Rgb::new((-t).exp(), if t < 0.2 { 1e3 } else { 0.0 }, if t > 2.9 { 1.0 } else { 0.0 });
+        for extinction in [[1e-3, 2e-3, 3e-3], [2.0, 0.5, 3.0]] {
+            let medium = medium(extinction, Density::Uniform);
+            let weight = Rgb::new(1.0, 0.5, 2.0);
+            let segment = MarchSegment { ray: &ray, from: 0.0, a: 0.0, b: 3.0, medium: &medium, depth: None, weight };
+            let marcher = Marcher { stepping: Stepping::Adaptive { contrast: 0.3 }, size: 255.0 };
+            let (mut sum, mut squares, marches) = (Rgb::ZERO, Rgb::ZERO, 100_000);
+            for i in 0..marches {
+                let mut stream = Stream::new(5, Purpose::Test, i, 0);
+                let [one] = marcher.march(&segment, &mut stream, &mut Steps::default(), &mut |t, _| [lamps(t)]);
+                assert!(one.min_element() >= 0.0 && one.is_finite(), "{one}");
+                sum += one;
+                squares += one * one;
+            }
+            let n = marches as f64;
+            let (mean, expected) = (sum / n, integral(&segment, lamps));
+            let error = ((squares / n - mean * mean) / n).map(f64::sqrt);
+            assert!(
+                (mean - expected).abs().cmple(4.0 * error).all(),
+                "{extinction:?}: {mean} ± {error}, not {expected}"
+            );
+        }
+        for (s, tau) in
+            [([1.0, 0.0], 0.0), ([0.0, 1.0], 1e-12), ([0.0, 2.0], 50.0), ([3.0, 1.0], 1e4), ([0.2, 1.0], 2.0)]
+        {
+            for u in [0.0, 1e-9, 0.3, 0.999, 1.0] {
+                let x = linear_times_exponential(s, tau, u);
+                let below =
+                    |x: f64| x * (s[0] * mean_transmittance(tau * x) + (s[1] - s[0]) * x * first_moment(tau * x));
+                assert!((0.0..=1.0).contains(&x) && (below(x) / below(1.0) - u).abs() < 1e-9, "{s:?} {tau} {u}: {x}");
+            }
         }
     }
 
