@@ -129,6 +129,25 @@ fn a_walk_without_end_is_broken_off() {
     render_with(&["camera.position=[0,0,5]", PATH], Some(Duration::from_millis(300)));
 }
 
+/// A shape far beyond all others changes nothing in the picture of these, whatever radii photons have; and one so far that it leaves
+/// no digits is refused by its name.
+#[test]
+fn a_far_shape_changes_nothing() {
+    let far = |x: &str, kernel: &str| {
+        let place = format!("shapes.0.edge_u=[0,0,{x}]");
+        let small = [place.as_str(), kernel, "render.samples=4", "photons.volume=5000"];
+        try_render("atmosphere", &small).map(|(rendering, _)| rendering.film.image().channel_means()[0])
+    };
+    for kernel in ["volume.kernel=variable", "volume.kernel=fixed"] {
+        let near = far("1e3", kernel).unwrap();
+        for x in ["1e5", "1e8"] {
+            assert_near(&format!("{x}, {kernel}"), far(x, kernel).unwrap(), near, 0.05);
+        }
+    }
+    let error = far("1e18", "volume.kernel=fixed").expect_err("no digits are left").to_string();
+    assert!(error.contains("shapes.0: this shape reaches"), "{error}");
+}
+
 /// From afar, a grid is many thousand steps away: samples along rays count them all, and tables of them end where they should.
 #[test]
 fn smoke_is_seen_from_afar() {

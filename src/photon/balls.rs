@@ -7,7 +7,7 @@
 //! long. Look-ups that follow one another are close to one another, so the last radius is a bound that seldom fails.
 
 use super::kernel::Profile;
-use super::radius::{InMedium, Radii, radius_limits};
+use super::radius::{InMedium, Limits, Radii};
 use super::simd::{Isa, LANES, Lanes, Row, Task};
 use super::store::{
     Descent, KEPT, LEAF, List, Meets, PackedNormal, Photon, Subtrees, Widths, blocks_of, children, events_of,
@@ -135,7 +135,7 @@ pub struct PointMap {
     ball: Ball,
     scale: f32,
     /// The least and the largest radius of adaptive balls, before they are scaled.
-    limits: (f32, f32),
+    limits: Limits,
     photons: usize,
     rejected: usize,
     bounds: Bounds,
@@ -209,7 +209,7 @@ impl PointMap {
     /// distance it is given: look-ups far from all surfaces need not ask for walls.
     ///
     /// *Nearest:* where fewer than n photons are within `max_radius`, that is the radius. No radius is smaller
-    /// than a millionth of `max_radius`, or four roundings of the largest coordinate.
+    /// than a millionth of `max_radius` or of the photons' extent, or four roundings of the largest coordinate of its middle.
     ///
     /// Photons that are not finite, and those beyond 2³² − 1, are left out and counted.
     pub fn build(
@@ -249,7 +249,7 @@ impl PointMap {
             Ball::Fixed(radius) => radius,
             Ball::Nearest { max_radius, .. } => max_radius,
         };
-        let limits = radius_limits(wanted, 1.0, min, max);
+        let limits = Limits::of(wanted, 1.0, min, max);
         let mut map = PointMap {
             positions,
             loads,
@@ -300,7 +300,7 @@ impl PointMap {
 
     /// The radius that no look-up exceeds.
     pub fn reach(&self) -> f32 {
-        self.scale * self.limits.1
+        self.scale * self.limits.cap
     }
 
     /// The radii of the balls around some of its photons.
@@ -351,7 +351,7 @@ impl PointMap {
     /// The squared distance to the `n`-th photon, within the limits.
     #[inline(always)]
     fn nearest<L: Lanes>(&self, x: Vec3, lanes: &[L; 3], n: usize, memory: &mut PointMemory) -> f32 {
-        let (least, cap) = self.limits;
+        let (least, cap) = (self.limits.least(x), self.limits.cap);
         let (least, cap) = (least * least, (cap * cap).min(f32::MAX));
         // Room for whole rows: n numbers, those that come before the list is shortened, and a vector.
         let rows = (KEPT / LANES).max(2 * n.div_ceil(LANES)) + 2;
@@ -674,11 +674,15 @@ mod tests {
                     (_, diagonal) if diagonal > 0.0 => diagonal,
                     _ => 1.0,
                 };
-                let roundings = 4.0 * f32::EPSILON * low.abs().max(high.abs()).max_element();
+                let extent = match high.as_dvec3().distance(low.as_dvec3()) {
+                    diagonal if diagonal > 0.0 => cap.min(diagonal),
+                    _ => cap,
+                };
+                let roundings = 4.0 * f32::EPSILON * x.abs().max_element();
                 let mut all: Vec<f64> = photons.iter().map(|photon| squared(photon, x)).collect();
                 let n = neighbours as usize - 1;
                 let nth = if n < all.len() { all.select_nth_unstable_by(n, f64::total_cmp).1.sqrt() } else { cap };
-                scale * nth.max(1e-6 * cap).max(f64::from(roundings)).min(cap)
+                scale * nth.max(1e-6 * extent).max(f64::from(roundings)).min(cap)
             }
         }
     }

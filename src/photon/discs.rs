@@ -2,7 +2,7 @@
 
 use super::PackedNormal;
 use super::kernel::Profile;
-use super::radius::{InMedium, MAX_RADIUS, MIN_RADIUS, Radii, Radius, radius_limits};
+use super::radius::{InMedium, Limits, MAX_RADIUS, MIN_RADIUS, Radii, Radius};
 use super::simd::{Isa, LANES, Row};
 use super::store::{self, Blocks, Node, Photon, Widths, ordered, photons_in, storable};
 use crate::math::{Bounds, Vec3};
@@ -125,7 +125,7 @@ impl PhotonMap {
     ///
     /// *Variable radii:* among fewer than m + 1 photons the farthest stands for the m-th neighbour,
     /// with its own count; a single photon gets `max_radius`. Photons at one place get the smallest
-    /// radius: a millionth of `max_radius`, or four roundings of the largest coordinate.
+    /// radius: a millionth of `max_radius` or of the photons' extent, or four roundings of their largest coordinate.
     ///
     /// Photons that are not finite, and those beyond 2³² − 1, are left out and counted.
     pub fn build(
@@ -265,14 +265,18 @@ fn radii_of(
     (max_radius, scale): (f32, f32),
 ) -> Vec<f32> {
     let (nodes, extent) = store::build(blocks, photons, Widths::Same(0.0));
-    let (least, cap) = radius_limits(max_radius, scale, extent.min, extent.max);
+    let limits = Limits::of(max_radius, scale, extent.min, extent.max);
     if photons <= 1 {
-        return vec![cap; blocks.len() * LANES];
+        return vec![limits.cap; blocks.len() * LANES];
     }
     let m = (pilot.max(1) as usize).min(photons - 1);
     let growth = scale * InMedium::growth(f64::from(neighbours.max(1)) / m as f64) as f32;
     let mut radii = store::nearest(isa, blocks, photons, &nodes, m);
-    radii.par_iter_mut().for_each(|r| *r = (growth * r.sqrt()).clamp(least, cap));
+    radii.par_iter_mut().enumerate().for_each(|(index, r)| {
+        let rows = blocks.get(index / LANES).position;
+        let place = Vec3::from(rows.each_ref().map(|row| row.0[index % LANES]));
+        *r = (growth * r.sqrt()).max(limits.least(place)).min(limits.cap);
+    });
     radii
 }
 

@@ -93,11 +93,11 @@ pub fn narrowing(before: u32, dimension: u32) -> f64 {
 /// Radii that one task sums.
 const CHUNK: usize = 4096;
 
-/// Radii of this many roundings of the largest coordinate, at least: below, the distance between a
-/// photon and a ray is mostly rounding.
+/// Radii of this many roundings of a photon's largest coordinate, at least: below, the distance between it and a ray is mostly
+/// rounding.
 const MIN_RADIUS_ROUNDINGS: f32 = 4.0;
 
-/// The smallest radius as a share of `max_radius`.
+/// The smallest radius as a share of `max_radius`, or of the diagonal of the box around the photons where that is less.
 const MIN_RADIUS_SHARE: f32 = 1e-6;
 
 /// The smallest radius whose inverse square, and a power divided by it, stay finite in `f32`.
@@ -106,18 +106,33 @@ pub(super) const MIN_RADIUS: f32 = 1e-12;
 /// The largest radius whose square stays finite in `f32`, with room for sums of a few.
 pub(super) const MAX_RADIUS: f32 = 1e18;
 
-/// The least and the largest of adaptive radii, for photons in a box.
-pub(super) fn radius_limits(max_radius: f32, scale: f32, min: Vec3, max: Vec3) -> (f32, f32) {
-    let diagonal = max.as_dvec3().distance(min.as_dvec3()).min(f64::from(MAX_RADIUS)) as f32;
-    let largest_coordinate = max.abs().max(min.abs()).max_element();
-    let cap = match (max_radius.is_finite(), diagonal > 0.0) {
-        (true, _) => max_radius * scale,
-        (false, true) => diagonal * scale,
-        (false, false) => scale,
+/// The least and the largest of adaptive radii.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Limits {
+    least: f32,
+    /// The largest.
+    pub cap: f32,
+}
+
+impl Limits {
+    /// Those of photons in a box.
+    pub fn of(max_radius: f32, scale: f32, min: Vec3, max: Vec3) -> Self {
+        let diagonal = max.as_dvec3().distance(min.as_dvec3()).min(f64::from(MAX_RADIUS)) as f32;
+        let cap = match (max_radius.is_finite(), diagonal > 0.0) {
+            (true, _) => max_radius * scale,
+            (false, true) => diagonal * scale,
+            (false, false) => scale,
+        }
+        .clamp(MIN_RADIUS, MAX_RADIUS);
+        let extent = if diagonal > 0.0 { cap.min(diagonal) } else { cap };
+        Limits { least: (MIN_RADIUS_SHARE * extent).clamp(MIN_RADIUS, cap), cap }
     }
-    .clamp(MIN_RADIUS, MAX_RADIUS);
-    let least = MIN_RADIUS_ROUNDINGS * f32::EPSILON * largest_coordinate;
-    (least.max(MIN_RADIUS_SHARE * cap).clamp(MIN_RADIUS, cap), cap)
+
+    /// The least radius around a place.
+    #[inline(always)]
+    pub fn least(&self, x: Vec3) -> f32 {
+        (MIN_RADIUS_ROUNDINGS * f32::EPSILON * x.abs().max_element()).max(self.least).min(self.cap)
+    }
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ use std::f32::consts::PI;
 use rayon::prelude::*;
 
 use super::balls::{Ball, Near, PointMap, PointMemory};
-use super::radius::{Filling, Radii, radius_limits};
+use super::radius::{Filling, Limits, Radii};
 use super::simd::{LANES, Lanes, Row, Task, dot_plus, splat3};
 use super::store::{Descent, Photon, blocks_of, photons_in};
 use crate::math::{Bounds, Vec3};
@@ -123,15 +123,16 @@ impl SheetMap {
 fn squares_of(photons: &PointMap, settings: &SheetSettings) -> Vec<Row> {
     let SheetSettings { neighbours, max_radius, scale, .. } = *settings;
     let Bounds { min, max } = photons.extent();
-    let limits = radius_limits(max_radius, scale, min.as_vec3(), max.as_vec3());
-    let square = |Found { squared, count }: Found| {
+    let limits = Limits::of(max_radius, scale, min.as_vec3(), max.as_vec3());
+    let square = |Found { squared, count }: Found, place: Vec3| {
         let growth = OnSurfaces::growth(f64::from(neighbours) / f64::from(count.max(1))) as f32;
-        (scale * growth * squared.sqrt()).clamp(limits.0, limits.1).powi(2)
+        (scale * growth * squared.sqrt()).max(limits.least(place)).min(limits.cap).powi(2)
     };
     let of = |memory: &mut PointMemory, block: usize| {
         let mut squares = Row([0.0; LANES]);
         for (lane, out) in squares.0[..photons_in(block, photons.len())].iter_mut().enumerate() {
-            *out = square(photons.isa.run(Pilot { photons, of: (block, lane), memory }));
+            let found = photons.isa.run(Pilot { photons, of: (block, lane), memory });
+            *out = square(found, photons.place(block, lane));
         }
         squares
     };

@@ -204,7 +204,7 @@ impl Plan {
         };
 
         // How photons on surfaces are looked up.
-        let diagonal = scene.bounds().diagonal();
+        let diagonal = scene.near_bounds().diagonal();
         let reach = |max_radius: f64| {
             let (neighbours, max_radius) = (surface.neighbours, max_radius as f32);
             let checks = surface.differential_checking;
@@ -414,7 +414,7 @@ fn is_dense(scene: &Scene) -> bool {
     scatters(scene.world).is_none() && solids.peek().is_some() && solids.all(|(m, shape)| thickness(m, shape) > THICK)
 }
 
-/// The diagonal of the box around all media that scatter, as far as they end; else of the scene.
+/// The diagonal of the box around all media that scatter, as far as they end; else of the scene: without what lies far beyond the rest.
 fn extent_of_media(scene: &Scene) -> f64 {
     let mut bounds = Bounds::EMPTY;
     let mut endless = false;
@@ -424,13 +424,14 @@ fn extent_of_media(scene: &Scene) -> f64 {
             endless |= !support.size().is_finite();
             bounds = bounds.union(support);
         }
-        for solid in scene.solids.iter().filter(|solid| solid.medium == Some(index as u32)) {
+        let solids = scene.solids.iter().filter(|solid| solid.medium == Some(index as u32));
+        for solid in solids.filter(|solid| scene.is_near(solid.shape)) {
             bounds = bounds.union(scene.geometry.bounds(solid.shape).intersection(support));
         }
     }
     if endless || bounds.is_empty() {
         // Walls around a fog limit it; without walls its mean free path does.
-        return scene.bounds().diagonal().max(f64::MIN_POSITIVE);
+        return scene.near_bounds().diagonal().max(f64::MIN_POSITIVE);
     }
     bounds.diagonal()
 }

@@ -2,6 +2,7 @@
 //! along, and everything moved so that the scene's middle is the origin.
 
 mod lights;
+mod origin;
 mod overlaps;
 mod paint;
 mod regions;
@@ -9,6 +10,8 @@ mod regions;
 use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::Arc;
+
+use origin::Origin;
 
 use super::description::{self as said, Description, Located, ShapeKind, Strength};
 use super::world::{Scene, Solid, Surface};
@@ -76,8 +79,8 @@ struct Unplaced {
 
 struct Builder<'d> {
     description: &'d Description,
-    /// Moves the scene's middle to the origin.
-    center: DVec3,
+    /// Where the origin is to be.
+    origin: Origin,
     meshes: HashMap<(PathBuf, bool), Arc<Mesh>>,
     /// By file, the grid's index in it, and how it is read.
     voxels: HashMap<(PathBuf, usize, Interpolation, NegativePolicy), Arc<BrickGrid>>,
@@ -102,7 +105,7 @@ impl<'d> Builder<'d> {
     fn new(description: &'d Description) -> Self {
         Builder {
             description,
-            center: DVec3::ZERO,
+            origin: Origin { center: DVec3::ZERO, near: f64::INFINITY },
             meshes: HashMap::new(),
             voxels: HashMap::new(),
             extents: HashMap::new(),
@@ -121,7 +124,7 @@ impl<'d> Builder<'d> {
 
     /// The transform from the file's coordinates to the scene's.
     fn moved(&self) -> DAffine3 {
-        DAffine3::from_translation(-self.center)
+        DAffine3::from_translation(-self.origin.center)
     }
 
     // Shapes.
@@ -145,15 +148,13 @@ impl<'d> Builder<'d> {
             })
             .collect::<Result<_>>()?;
 
-        // The middle of all surfaces and of the camera.
-        let camera = &description.camera;
-        let mut bounds = Bounds::of_points([camera.position]);
+        let mut boxes = Vec::with_capacity(shapes.len());
         for unplaced in &shapes {
             let place = &description.shapes[unplaced.index].place;
             let placed = Placed::new(unplaced.shape.clone(), unplaced.transform).map_err(|error| place.error(error))?;
-            bounds = bounds.union(placed.bounds());
+            boxes.push((place, placed.bounds()));
         }
-        self.center = bounds.center();
+        self.origin = Origin::of(description, &boxes)?;
         self.find_noise(&shapes)?;
 
         for Unplaced { index, shape, transform, instance } in shapes {
@@ -402,8 +403,8 @@ impl<'d> Builder<'d> {
         };
 
         let mut camera = description.camera.clone();
-        camera.position -= self.center;
-        camera.target -= self.center;
+        camera.position -= self.origin.center;
+        camera.target -= self.origin.center;
 
         // Precedence: by priority, then those that add to the others, then by order in the file.
         let mut order: Vec<usize> = (0..self.parts.len()).filter(|&i| self.parts[i].solid.is_some()).collect();
@@ -454,7 +455,8 @@ impl<'d> Builder<'d> {
             emitters: Emitters::default(),
             glows: Vec::new(),
             surroundings: Surroundings { center: DVec3::ZERO, radius: 0.0 },
-            center: self.center,
+            center: self.origin.center,
+            near: self.origin.near,
             warnings: self.warnings,
         };
         overlaps::add_up(&mut scene, &description.media)?;

@@ -47,8 +47,10 @@ pub struct Scene {
     pub glows: Vec<Glow>,
     /// What light from infinity can reach.
     pub surroundings: Surroundings,
-    /// The scene's middle in the file's coordinates, which is the origin here.
+    /// The scene's middle in the file's coordinates, which is the origin here; the camera where a few parts lie far beyond the rest.
     pub center: DVec3,
+    /// How far from the camera that rest is at most; infinite where there is none beyond.
+    pub near: f64,
     /// What the user should know of the scene, each message complete.
     pub warnings: Vec<String>,
 }
@@ -254,7 +256,24 @@ impl Scene {
     /// A box around all that the camera can see at a finite distance: surfaces, bounded media, lights of
     /// no size, and the camera itself.
     pub fn bounds(&self) -> Bounds {
-        let mut bounds = self.geometry.all_bounds();
+        self.bounds_with(self.geometry.all_bounds(), f64::INFINITY)
+    }
+
+    /// That box without what lies far beyond the rest.
+    pub fn near_bounds(&self) -> Bounds {
+        let shapes = 0..self.surfaces.len() as u32;
+        let near = shapes.filter(|&shape| self.is_near(shape)).map(|shape| self.geometry.bounds(shape));
+        self.bounds_with(near.fold(Bounds::EMPTY, Bounds::union), self.near)
+    }
+
+    /// Whether a shape is no larger than what is near, and does not lie beyond it.
+    pub fn is_near(&self, shape: u32) -> bool {
+        let bounds = self.geometry.bounds(shape);
+        bounds.center().distance(self.camera.position) <= self.near && bounds.diagonal() <= self.near
+    }
+
+    /// A box around another, the camera, and lights of no size that are no farther than `near`.
+    fn bounds_with(&self, mut bounds: Bounds, near: f64) -> Bounds {
         bounds = bounds.union(Bounds::of_points([self.camera.position]));
         for light in &self.lights {
             let position = match light {
@@ -264,6 +283,7 @@ impl Scene {
                 Light::Directional(light) => light.beam.map(|beam| beam.0),
                 Light::Environment(_) | Light::Area(_) => None,
             };
+            let position = position.filter(|position| position.distance(self.camera.position) <= near);
             bounds = bounds.union(Bounds::of_points(position));
         }
         bounds

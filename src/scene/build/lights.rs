@@ -26,7 +26,7 @@ impl Builder<'_> {
                     if intensity.max_element() <= 0.0 {
                         continue;
                     }
-                    let position = *position - self.center;
+                    let position = *position - self.origin.center;
                     if *radius > 0.0 {
                         let sphere = Sphere::new(position, *radius).map_err(fail)?;
                         let power = Shine::Power(4.0 * std::f64::consts::PI * *intensity, Sides::Out);
@@ -39,7 +39,7 @@ impl Builder<'_> {
                     if intensity.max_element() <= 0.0 {
                         continue;
                     }
-                    let position = *position - self.center;
+                    let position = *position - self.origin.center;
                     let cone = SoftCone::new(*direction, inner_angle.to_radians(), outer_angle.to_radians());
                     if *radius > 0.0 {
                         let disc = Disk::new(position, *direction, *radius).map_err(fail)?;
@@ -56,7 +56,7 @@ impl Builder<'_> {
                         ProfileStrength::Power(power) => power / profile.total(),
                     };
                     if intensity.max_element() > 0.0 {
-                        let lamp = Goniometric::new(*position - self.center, *direction, intensity, profile);
+                        let lamp = Goniometric::new(*position - self.origin.center, *direction, intensity, profile);
                         self.lights.push(Light::Goniometric(lamp));
                     }
                 }
@@ -68,7 +68,7 @@ impl Builder<'_> {
                     let cone = SoftCone::new(*direction, half, half);
                     match beam {
                         Some(beam) if *angle > 0.0 => {
-                            let center = beam.center - self.center;
+                            let center = beam.center - self.origin.center;
                             let disc = Disk::new(center, *direction, beam.radius).map_err(fail)?;
                             let radiance = light::cone_radiance(*irradiance, cone.outer);
                             let shine = Shine::Disc(Directivity::Beam(radiance, cone));
@@ -78,7 +78,7 @@ impl Builder<'_> {
                             direction: *direction,
                             irradiance: *irradiance,
                             cone: cone.outer,
-                            beam: beam.map(|beam| (beam.center - self.center, beam.radius)),
+                            beam: beam.map(|beam| (beam.center - self.origin.center, beam.radius)),
                         })),
                     }
                 }
