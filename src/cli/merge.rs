@@ -35,10 +35,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         })?;
     }
     let Checkpoint { subject, film, stats } = &all;
-    let seconds = stats.photons_seconds + stats.build_seconds + stats.render_seconds;
     let seeds = film.done().seeds().collect();
-    let picture =
-        picture(film, stats, &Facts { scene: subject.scene.clone(), method: &subject.method, seeds, seconds });
+    let picture = picture(film, stats, &Facts { scene: subject.scene.clone(), method: &subject.method, seeds });
     for path in &arguments.out {
         match Format::of(path) {
             Ok(_) => image::write(path, &picture, &tone_of(subject))?,

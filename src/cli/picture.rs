@@ -5,7 +5,7 @@ use crate::render::checkpoint::Subject;
 use crate::render::{Film, Stats};
 use crate::scene::description;
 
-/// What a picture says of itself.
+/// What a picture says of itself: the same of equal renders, so that their files are equal.
 pub struct Facts<'f> {
     /// The scene file.
     pub scene: String,
@@ -13,8 +13,6 @@ pub struct Facts<'f> {
     pub method: &'f str,
     /// The seeds of its passes.
     pub seeds: Vec<u64>,
-    /// What it took.
-    pub seconds: f64,
 }
 
 /// A film as a picture with layers and attributes.
@@ -32,7 +30,6 @@ pub fn picture(film: &Film, stats: &Stats, facts: &Facts<'_>) -> Picture {
             text("seed", &seeds.join(", ")),
             number("samples", stats.samples as f64),
             number("passes", stats.passes as f64),
-            number("seconds", facts.seconds),
         ],
     }
 }

@@ -117,7 +117,17 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let subject =
             Subject::new(&description, limits.parts(&scene, &settings, render::volume_photons(&scene, &settings))?);
         if let Some((path, before)) = before {
-            start_from = Some(continued(path, before, &subject, settings.render.seed)?);
+            let (film, stats) = continued(path, before, &subject, settings.render.seed)?;
+            if let Some(last) = arguments.passes
+                && let Some(beyond) = film.done().beyond(settings.render.seed, last.saturating_mul(subject.parts))
+            {
+                return Err(Error::Usage(format!(
+                    "--passes {last}: {} holds passes up to {}, which are not taken out: ask for as many at least, or leave out --resume",
+                    path.display(),
+                    beyond.div_ceil(subject.parts)
+                )));
+            }
+            start_from = Some((film, stats));
         }
         if let Some(path) = &arguments.checkpoint {
             watch.checkpoint(path.clone(), subject);
@@ -144,7 +154,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     // An image without a sample would only replace a better one.
     let seen = rendering.film.has_samples();
     if seen {
-        let picture = picture(&rendering.film, &rendering.stats, &facts(&description, &rendering.film, total));
+        let picture = picture(&rendering.film, &rendering.stats, &facts(&description, &rendering.film));
         written.extend(outputs.iter().map(|output| image::write(output, &picture, &tone)));
     }
     if let Some(path) = &arguments.stats {
@@ -219,13 +229,13 @@ fn continued(path: &Path, before: Checkpoint, subject: &Subject, seed: u64) -> R
     Ok((before.film, before.stats))
 }
 
-fn facts(description: &Description, film: &Film, seconds: f64) -> Facts<'static> {
+fn facts(description: &Description, film: &Film) -> Facts<'static> {
     let mut seeds: Vec<u64> = film.done().seeds().collect();
     if seeds.is_empty() {
         seeds.push(description.render.seed);
     }
     let scene = description.path.display().to_string();
-    Facts { scene, method: description.render.method.name(), seeds, seconds }
+    Facts { scene, method: description.render.method.name(), seeds }
 }
 
 fn outputs(arguments: &Arguments) -> Result<Vec<PathBuf>> {

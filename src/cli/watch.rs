@@ -94,7 +94,7 @@ impl Watch {
         self.outputs().viewer = Some(Repeated::new(viewer, PICTURES));
     }
 
-    /// Clears the progress and writes everything a last time: what was written, and what could not be.
+    /// Clears the progress and writes everything a last time: whether checkpoints could be. A preview that cannot costs no render.
     pub fn finish(self, film: &Film, stats: &Stats) -> Vec<Result<()>> {
         self.bar.finish();
         let outputs = self.outputs.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
@@ -106,8 +106,9 @@ impl Watch {
         }
         if let Some(preview) = outputs.preview
             && film.has_samples()
+            && let Err(error) = image::write(preview.what, &film.image().into(), &outputs.tone)
         {
-            written.push(image::write(preview.what, &film.image().into(), &outputs.tone));
+            self.bar.say(&format!("warning: {error}"));
         }
         #[cfg(feature = "tev")]
         if let Some(mut viewer) = outputs.viewer

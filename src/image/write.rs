@@ -3,6 +3,7 @@
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use crate::{Error, Result};
 
@@ -45,9 +46,27 @@ fn replace(target: &Path, fill: impl FnOnce(&mut BufWriter<&mut File>) -> io::Re
 }
 
 /// How files are named until they are whole.
+const NAME: (&str, &str) = (".volpm-", ".part");
+/// What was not written to for so long has been left behind.
+const LEFT: Duration = Duration::from_secs(3600);
+
+/// Removes from a folder what programs have left there that were killed while they wrote.
+fn sweep(folder: &Path) {
+    let Ok(entries) = fs::read_dir(folder) else { return };
+    for entry in entries.flatten() {
+        let name = entry.file_name();
+        let is_part = name.to_str().is_some_and(|name| name.starts_with(NAME.0) && name.ends_with(NAME.1));
+        let age = |file: fs::Metadata| if file.is_file() { file.modified().ok()?.elapsed().ok() } else { None };
+        if is_part && entry.metadata().ok().and_then(age).is_some_and(|age| age > LEFT) {
+            // Whoever may not remove it leaves it.
+            let _ = fs::remove_file(entry.path());
+        }
+    }
+}
+
 fn aside() -> tempfile::Builder<'static, 'static> {
     let mut builder = tempfile::Builder::new();
-    builder.prefix(".volpm-").suffix(".part");
+    builder.prefix(NAME.0).suffix(NAME.1);
     // Temporary files are private by default; the process's umask still applies to this.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
@@ -55,7 +74,7 @@ fn aside() -> tempfile::Builder<'static, 'static> {
 }
 
 /// Checks before the work starts that a file could be written at `path`: its folder exists and takes
-/// new files, and nothing but a file is in its place.
+/// new files, and nothing but a file is in its place. What earlier programs have left there half-written is removed.
 ///
 /// Errors: [`Error::Output`].
 pub fn check_target(path: impl AsRef<Path>) -> Result<()> {
@@ -76,7 +95,10 @@ pub fn check_target(path: impl AsRef<Path>) -> Result<()> {
         Ok(metadata) if metadata.is_dir() => Err(Error::output(path, "this is a folder; name a file in it")),
         Ok(metadata) if !metadata.is_file() => Err(Error::output(path, "only a plain file can be replaced")),
         _ => match aside().tempfile_in(&folder) {
-            Ok(_) => Ok(()),
+            Ok(_) => {
+                sweep(&folder);
+                Ok(())
+            }
             Err(error) => {
                 Err(Error::output(path, format!("the folder {} takes no new files: {error}", folder.display())))
             }
@@ -100,6 +122,15 @@ mod tests {
     fn a_failed_write_leaves_the_old_file_and_nothing_else() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("out.bin");
+        // Of programs that were killed, an hour ago and just now.
+        let [old, new] = ["a", "b"].map(|name| folder.path().join(format!(".volpm-{name}.part")));
+        let hours = std::time::SystemTime::now() - 2 * LEFT;
+        File::create(&old).unwrap().set_modified(hours).unwrap();
+        File::create(&new).unwrap();
+        check_target(&path).unwrap();
+        assert!(!old.exists() && new.exists());
+        fs::remove_file(new).unwrap();
+
         write_aside(&path, |file| file.write_all(b"old")).unwrap();
         let error = write_aside(&path, |file| {
             file.write_all(&[0; 1 << 20])?;

@@ -50,6 +50,11 @@ impl Done {
         passes.filter(move |pass| !done.iter().any(|(first, last)| (first..=last).contains(&pass)))
     }
 
+    /// The last pass of a seed, if that is after `last`.
+    pub fn beyond(&self, seed: u64, last: u32) -> Option<u32> {
+        self.of(seed).last().map(|passes| passes.1).filter(|&pass| pass > last)
+    }
+
     /// Adds a pass.
     pub fn insert(&mut self, seed: u64, pass: u32) {
         self.insert_range(seed, (pass, pass));
@@ -114,6 +119,7 @@ mod tests {
         assert_eq!(done.count(), 6);
         assert_eq!(done.missing(5, 1..=9).collect::<Vec<_>>(), [4, 5, 6, 9]);
         assert_eq!(done.missing(1, 1..=2).count(), 2);
+        assert_eq!((done.beyond(5, 7), done.beyond(5, 8), done.beyond(1, 0)), (Some(8), None, None));
 
         let mut other = Done::default();
         other.insert(5, 4);
