@@ -1,6 +1,7 @@
 //! From what a scene file says to what the renderer needs: files loaded, instances placed, media carried
 //! along, and everything moved so that the scene's middle is the origin.
 
+mod depths;
 mod lights;
 mod origin;
 mod overlaps;
@@ -465,6 +466,7 @@ impl<'d> Builder<'d> {
         regions::darken_infinity(&mut scene);
         scene.emitters = Emitters::new(&scene.lights, &scene.geometry);
         scene.glows = glows(&scene);
+        depths::refuse_endless(&scene, &description.media)?;
         Ok(scene)
     }
 }

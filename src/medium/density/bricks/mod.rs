@@ -93,6 +93,22 @@ impl BrickGrid {
         self.max
     }
 
+    /// A voxel with the greatest density, unless only the background has it or voxels are too far apart to look at all.
+    pub fn densest(&self) -> Option<[i32; 3]> {
+        const MOST_BRICKS: f64 = 1e7;
+        let (lo, hi) = self.occupied.map(|(lo, hi)| (lo.map(|x| x >> 3), hi.map(|x| x >> 3)))?;
+        if (0..3).map(|axis| f64::from(hi[axis]) - f64::from(lo[axis]) + 1.0).product::<f64>() > MOST_BRICKS {
+            return None;
+        }
+        let cube = |lo: [i32; 3], hi: [i32; 3]| {
+            (lo[0]..=hi[0])
+                .flat_map(move |i| (lo[1]..=hi[1]).flat_map(move |j| (lo[2]..=hi[2]).map(move |k| [i, j, k])))
+        };
+        let brick = cube(lo, hi).find(|&brick| self.brick_max(brick) == self.max)?;
+        let first = brick.map(|x| x << 3);
+        cube(first, first.map(|x| x + 7)).find(|&[i, j, k]| self.value_at(i, j, k) == self.max)
+    }
+
     /// The least value of an active voxel; infinite without any.
     pub fn min_active(&self) -> f32 {
         self.active.min

@@ -1,0 +1,37 @@
+//! Matter so dense that light in it does not get from one number to the next.
+
+use crate::Result;
+use crate::medium::Medium;
+use crate::scene::Scene;
+use crate::scene::description as said;
+
+/// Mean free paths across a solid, at most: the lit surface of one of 10¹³ is right to 2 %, where that of one of 10¹⁵ is half as bright
+/// as it should be, for want of digits.
+const DEEPEST: f64 = 1e13;
+
+/// Refuses media that are deeper than any path could tell.
+///
+/// # Errors
+/// [`Error::Scene`](crate::Error::Scene), with the medium's place and that of its densest voxel.
+pub(super) fn refuse_endless(scene: &Scene, media: &[said::Medium]) -> Result<()> {
+    let inside = scene.solids.iter().filter_map(|solid| Some((solid.medium?, scene.geometry.bounds(solid.shape))));
+    let around = scene.world.map(|world| (world, scene.near_bounds()));
+    for (index, bounds) in inside.chain(around) {
+        let medium: &Medium = &scene.media[index as usize];
+        let extent = bounds.intersection(medium.density.support()).diagonal();
+        let depth = medium.extinction.max_element() * medium.density.max() * extent;
+        if depth <= DEEPEST {
+            continue;
+        }
+        let voxel = medium.density.voxels().and_then(|grid| grid.voxels().densest());
+        let voxel = voxel.map_or(String::new(), |[i, j, k]| {
+            format!(", by the {:.1e} of its voxel ({i}, {j}, {k})", medium.density.max())
+        });
+        let message = format!(
+            "optical depths up to {depth:.1e}{voxel}: expected at most {DEEPEST:.0e}, a scale in which light gets anywhere"
+        );
+        let place = media.iter().find(|said| said.name == medium.name).map(|said| &said.place);
+        return Err(place.map_or_else(|| crate::Error::Scene(message.clone()), |place| place.error(&message)));
+    }
+    Ok(())
+}
