@@ -47,6 +47,8 @@ const SURFACE_PHOTON_BYTES: u64 = 96;
 const PROGRAM_BYTES: u64 = 32 << 20;
 /// Parts of a pass with fewer photons than this are not worth their cost.
 const FEWEST_PHOTONS: u64 = 10_000;
+/// Photons that take more than this are refused unless passes may be split.
+const MOST_PHOTON_BYTES: u64 = 64 << 30;
 /// A film larger than this is refused.
 const MOST_FILM_BYTES: u64 = 16 << 30;
 
@@ -101,20 +103,32 @@ impl Limits {
     /// [`Error::Limit`] where not even a small part would fit.
     pub fn parts(&self, scene: &Scene, settings: &Settings, photons: u64) -> Result<u32> {
         let parts = self.parts_for_error(settings);
-        let Some(memory) = self.memory else { return Ok(parts) };
+        let each = photon_bytes(scene, &settings.volume);
+        let Some(memory) = self.memory else {
+            let bytes = photons.saturating_mul(each);
+            if bytes > MOST_PHOTON_BYTES {
+                return Err(Error::Limit(format!(
+                    "{photons} photons take {} of memory, more than {}: ask for fewer, or say by --memory how much there is, so that passes are made in parts",
+                    size(bytes),
+                    size(MOST_PHOTON_BYTES)
+                )));
+            }
+            return Ok(parts);
+        };
         let (layers, several) = self.film_of(settings, parts);
         let film = |several| film_bytes(settings, layers, several);
         let surfaces =
             caustic_photons(scene, settings) + global_photons(scene, settings) + shadow_photons(scene, settings);
         let surfaces = surfaces * SURFACE_PHOTON_BYTES;
         let fixed = PROGRAM_BYTES + surfaces + density::bytes(scene.media.iter().map(|medium| &medium.density));
-        let each = photon_bytes(scene, &settings.volume);
-        let bytes = |parts: u64| fixed + film(several || parts > 1) + photons.div_ceil(parts) * each;
+        let bytes = |parts: u64| {
+            (fixed + film(several || parts > 1)).saturating_add(photons.div_ceil(parts).saturating_mul(each))
+        };
         if bytes(parts as u64) <= memory {
             return Ok(parts);
         }
         let rest = memory.saturating_sub(fixed + film(true));
-        let needed = (photons * each).div_ceil(rest.max(1));
+        let needed = photons.saturating_mul(each).div_ceil(rest.max(1));
         let most = (photons / FEWEST_PHOTONS).max(1);
         if needed > most {
             return Err(Error::Limit(format!(
@@ -126,7 +140,7 @@ impl Limits {
                 size(bytes(most)),
             )));
         }
-        Ok(parts.max(needed as u32))
+        Ok(parts.max(u32::try_from(needed).unwrap_or(u32::MAX)))
     }
 }
 
