@@ -92,7 +92,7 @@ fn eternity_is_found_out_from_outside() {
         let error = try_render("closed", &["camera.position=[0,0,70]", method]).expect_err("light does not end");
         assert!(error.to_string().contains("neither escapes"), "{error}");
     }
-    let error = try_render("atmosphere", &["media.air.albedo=1", PHOTON]).expect_err("nor does it here");
+    let error = try_render("atmosphere", &["media.smoke.albedo=1", PHOTON]).expect_err("nor does it here");
     assert!(error.to_string().contains("below its origin"), "{error}");
 }
 
@@ -129,6 +129,35 @@ fn a_walk_without_end_is_broken_off() {
     render_with(&["camera.position=[0,0,5]", PATH], Some(Duration::from_millis(300)));
 }
 
+/// Matter in which light does not get from one number to the next is refused, with its place; a little less is right at its surface.
+#[test]
+fn depths_without_digits_are_refused() {
+    let lit = |sigma: &str| outcome("dense", &[PATH, &format!("media.smoke.sigma_t={sigma}")]).mean[0];
+    assert_near("at its surface", lit("1e12"), lit("1e4"), 0.02);
+    for (name, sigma) in [("dense", "1e19"), ("hot-voxel", "1e10")] {
+        let error =
+            try_render(name, &[&format!("media.smoke.sigma_t={sigma}")]).expect_err("it is too deep").to_string();
+        assert!(error.contains("media.smoke: optical depths up to"), "{error}");
+        assert_eq!(error.contains("of its voxel ("), name == "hot-voxel", "{error}");
+    }
+}
+
+/// In thin matter whose light lamps are asked for, the map hardly matters: it is not filled whatever that takes.
+#[test]
+fn photons_that_hardly_matter_are_few() {
+    let overrides = ["media.smoke.sigma_t=1e-3", "volume.single_scattering=traced", "photons.volume=20000", PHOTON];
+    let (rendering, warnings) = try_render("thin", &overrides).unwrap();
+    assert!(rendering.stats.emitted <= 4_000_000, "{}", rendering.stats.emitted);
+    assert!(warnings.is_empty(), "{warnings:?}");
+}
+
+/// More photons than memory holds are refused before any is traced.
+#[test]
+fn photons_beyond_memory_are_refused() {
+    let error = try_render("too-bright", &["photons.volume=9223372036854775807", PHOTON]).expect_err("they do not fit");
+    assert!(error.to_string().contains("of memory, more than 64.0 GiB"), "{error}");
+}
+
 /// A shape far beyond all others changes nothing in the picture of these, whatever radii photons have; and one so far that it leaves
 /// no digits is refused by its name.
 #[test]
@@ -144,8 +173,8 @@ fn a_far_shape_changes_nothing() {
             assert_near(&format!("{x}, {kernel}"), far(x, kernel).unwrap(), near, 0.05);
         }
     }
-    let error = far("1e18", "volume.kernel=fixed").expect_err("no digits are left").to_string();
-    assert!(error.contains("shapes.0: this shape reaches"), "{error}");
+    let error = try_render("closed", &["shapes.1.max=[6,6,1e18]"]).expect_err("no digits are left").to_string();
+    assert!(error.contains("shapes.1: this shape reaches"), "{error}");
 }
 
 /// From afar, a grid is many thousand steps away: samples along rays count them all, and tables of them end where they should.

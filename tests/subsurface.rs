@@ -481,7 +481,7 @@ fn photons_in_a_dense_solid_are_nearly_independent() {
             importons: None,
             control: None,
         };
-        let traced = photon::trace(&scene, &pass, &|_, _| {}, &|| false);
+        let traced = photon::trace(&scene, &pass, &|_, _| {}, &|| false).unwrap();
         let shallow = |photon: &&Photon| {
             let p = photon.position.as_dvec3() + scene.center;
             p.z > 0.0 && p.y > 0.2 && p.y < 1.8 && 0.8 - p.x.hypot(p.z) < 1.0 / 15.0

@@ -84,7 +84,7 @@ fn bands(seed: u64) -> [[[f64; 2]; 3]; 2] {
         importons: None,
         control: None,
     };
-    let traced = photon::trace(&scene, &pass, &|_, _| {}, &|| false);
+    let traced = photon::trace(&scene, &pass, &|_, _| {}, &|| false).unwrap();
     let medium = &scene.media[0];
     let middle = DVec3::new(0.0, 1.0, 0.0) - scene.center;
     let photons = &traced.regions[scene.region(&scene.inside(middle)) as usize];

@@ -22,6 +22,8 @@ pub struct Traced {
     pub emitted: u64,
     /// Whether first collisions were forced.
     pub forced: bool,
+    /// Whether there are fewer photons than were asked for as more would change nothing.
+    pub enough: bool,
     /// Counts of mishaps.
     pub tally: Tally,
 }
@@ -41,6 +43,13 @@ const PARTS: u64 = 16;
 const LEAST_PART: u64 = 128 * CHUNK;
 /// A map expected to hold more than this many times its target thins itself.
 const CROWDED: f64 = 1.5;
+
+/// Where lights are asked for what is scattered once, the map holds a part s of the light, and its noise is a part of the picture's.
+/// As many emissions as would fill it with all light make that √s of what it would be then; in thin media, where s is small,
+/// there are no more than so many times as many,
+const RARE: f64 = 4.0;
+/// or as these.
+const FEW: f64 = 4e6;
 
 /// Traces photons. `progress` is told how many emissions were done since it was last told, and how many there are to be; `stop` ends
 /// the pass early: what it traced until then stands for all the light, except that it may have traced nothing.
@@ -70,6 +79,9 @@ pub fn trace(
     let share = found.stored as f64 / found.emitted as f64;
     let crowded = if found.surplus > 1.0 { 1.0 } else { CROWDED };
     let wanted = (target as f64 / share * found.surplus).ceil().max(1.0) as u64;
+    let enough = if asked { FEW.max(RARE * target as f64 / found.collisions) } else { f64::INFINITY };
+    let is_enough = wanted as f64 > enough;
+    let wanted = if is_enough { enough as u64 } else { wanted };
     let emitted = wanted.max(budget::fewest(FEWEST, found.events)).min(pass.max_emitted);
     tracer.budget = Budget::of_pass(target);
     tracer.budget.allow(emitted, found.events)?;
@@ -79,7 +91,7 @@ pub fn trace(
     }
 
     // A part at a time: photons need not be held twice.
-    let mut traced = Traced { forced: tracer.forced, ..empty() };
+    let mut traced = Traced { forced: tracer.forced, enough: is_enough, ..empty() };
     let part = emitted.div_ceil(PARTS).next_multiple_of(CHUNK).max(LEAST_PART);
     for first in (0..emitted).step_by(part as usize) {
         let range = first..(first + part).min(emitted);

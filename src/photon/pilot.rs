@@ -63,6 +63,8 @@ pub(super) struct Yield {
     pub surplus: f64,
     /// Events of each.
     pub events: f64,
+    /// Collisions of each.
+    pub collisions: f64,
 }
 
 /// Finds how photons are to be emitted, and what that yields.
@@ -125,7 +127,8 @@ pub(super) fn prepare(tracer: &mut Tracer<'_>, stop: &(impl Fn() -> bool + Sync)
     // Important.
     if let Some(importons) = tracer.pass.importons {
         tracer.quota.notes = true;
-        let pilot = |tracer: &Tracer<'_>| run(tracer, PLACES);
+        let places_pilot = budget::pilot(PLACES, each);
+        let pilot = |tracer: &Tracer<'_>| run(tracer, places_pilot);
         let places = |chunks: &[Chunk]| Importance::new(importons, photons(chunks).map(|photon| photon.position));
         let bare = pilot(tracer);
         if let Some(importance) = places(&bare).filter(|_| aims) {
@@ -136,7 +139,7 @@ pub(super) fn prepare(tracer: &mut Tracer<'_>, stop: &(impl Fn() -> bool + Sync)
         }
         tracer.quota.importance = places(&pilot(tracer));
         tracer.quota.notes = false;
-        found = count(tracer, PLACES);
+        found = count(tracer, places_pilot);
     }
 
     // Dense along flights.
@@ -186,7 +189,7 @@ impl Yield {
         let surplus = if correlated < many { 1.0 } else { correlated.min(affordable).clamp(1.0, MOST_MORE) };
         let share = |count: u64| count as f64 / emitted as f64;
         let (collided, events) = (share(sum(&|chunk| chunk.collided)), share(events));
-        Yield { emitted, collided, stored, surplus, events }
+        Yield { emitted, collided, stored, surplus, events, collisions: share(collisions) }
     }
 }
 

@@ -15,10 +15,8 @@ use crate::{Error, Result};
 
 /// Walks from the camera, and as many from what shines.
 const WALKS: u64 = 32;
-/// As many where an atmosphere absorbs nothing: of light that enters it, about one walk in 100 is long.
+/// As many where an atmosphere absorbs nothing: of light that enters it, about one walk in 100 is long, and all have no mean length.
 const WALKS_IN_AIR: u64 = 1000;
-/// So many of them tell that walks in it have no mean length.
-const LONG_IN_AIR: usize = 6;
 /// A walk of so many events is long.
 const LONG: u64 = 10_000;
 /// Walks from where a long one was given up that tell whether there is a way out,
@@ -145,11 +143,10 @@ impl Pilot<'_> {
 
         // The world.
         let bounds = scene.bounds();
-        let outside = given_up.iter().filter(|given_up| !bounds.contains(given_up.ray.origin)).count();
-        let endless = world.filter(|medium| medium.density.is_endless() && outside > 0).map(|medium| (medium, ""));
-        let dense = air.filter(|_| outside >= LONG_IN_AIR);
-        let dense = dense.map(|medium| (medium, " (its density has no end below its origin)"));
-        if let Some((medium, why)) = endless.or(dense) {
+        let outside = given_up.iter().any(|given_up| !bounds.contains(given_up.ray.origin));
+        let is_endless = |medium: &&Medium| outside && (medium.density.is_endless() || air.is_some());
+        if let Some(medium) = world.filter(is_endless) {
+            let why = if air.is_some() { " (its density has no end below its origin)" } else { "" };
             return Err(Error::Scene(format!(
                 "medium {} fills the world without an end and absorbs nothing, so that light which leaves the scene wanders in it for ever{why}: put it into a shape, give it a sigma_a, let it thin out, or limit render.max_depth",
                 medium.name

@@ -17,7 +17,7 @@ pub(super) fn sparse_map(plan: &Plan, traced: &Traced) -> Option<String> {
         None
     } else if stored == 0 {
         Some(format!("none of {emitted} photons met a medium that scatters: media stay dark"))
-    } else if stored < wanted / 2 {
+    } else if stored < wanted / 2 && !traced.enough {
         Some(format!(
             "the volume map holds {stored} of {wanted} photons after {emitted} emissions: raise photons.max_emitted, or aim the lights at the media"
         ))
