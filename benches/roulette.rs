@@ -90,7 +90,8 @@ fn main() {
             importons: None,
             control: None,
         };
-        let mut traced = photon::trace(&scene, &pass, &|_, _| {}, &|| false);
+        let mut traced =
+            photon::trace(&scene, &pass, &|_, _| {}, &|| false).expect("it is no more than a pass may take");
         traced.regions.sort_by_key(Vec::len);
         let photons = traced.regions.pop().expect("the scene has a medium");
         let radius = Radius::Variable { neighbours: 300, pilot: 18, max_radius: 0.5 };
