@@ -18,6 +18,7 @@ mod many_lights;
 mod materials;
 mod panes;
 mod passes;
+mod peaks;
 mod point_queries;
 mod references;
 #[cfg(feature = "report")]

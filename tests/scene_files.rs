@@ -187,6 +187,7 @@ pilot = 8
 max_radius = 0.5
 boundaries = "share"
 single_scattering = "approximate"
+peaks = "photons"
 march = { step = "adaptive", size = 0.25, contrast = 0.3 }
 "#;
 
@@ -351,6 +352,7 @@ fn every_key_is_read_as_the_manual_says() {
         max_radius: Some(0.5),
         boundaries: Boundaries::Share,
         single_scattering: SingleScattering::Approximate,
+        peaks: Peaks::Photons,
         march: Some(March { step: Step::Adaptive, size: Some(0.25), contrast: 0.3 }),
     };
     assert_eq!(scene.volume, volume);

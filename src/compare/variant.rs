@@ -28,13 +28,14 @@ pub const BUILT_IN: [(&str, &[(&str, &str)]); 12] = [
 pub const DEFAULT: [&str; 5] = ["path", "beam", "point-uniform", "point-adaptive", "point-exponential"];
 
 /// The estimate of the paper (Jarosz, Zwicker and Jensen 2008), Eqs. 21 to 25: discs face the ray, and nothing is done about walls.
-const BEAM_2008: [(&str, &str); 6] = [
+const BEAM_2008: [(&str, &str); 7] = [
     ("render.method", "photon"),
     ("volume.estimate", "beam"),
     ("volume.kernel", "variable"),
     ("volume.profile", "biweight"),
     ("volume.boundaries", "none"),
     ("volume.single_scattering", "photons"),
+    ("volume.peaks", "photons"),
 ];
 
 const fn point(step: &'static str) -> [(&'static str, &'static str); 3] {

@@ -1,7 +1,8 @@
 //! Phase functions as the beam query evaluates them: for sixteen photons at a time.
 
 use crate::math::DVec3;
-use crate::medium::phase::{self, Phase, Term};
+use crate::medium::Medium;
+use crate::medium::phase::{self, Broad, Peak, Phase, Term};
 use crate::photon::simd::Lanes;
 use std::f64::consts::PI;
 
@@ -21,6 +22,8 @@ pub(super) enum Kind {
     HenyeyGreenstein(f64),
     /// A sum of terms, each from the distance to its peak.
     Sum(Vec<Term>),
+    /// The broad part of such a sum.
+    Broad(Vec<Term>, Broad),
 }
 
 /// Above this |g|, 1 − cos θ is taken from the difference of directions: the cosine itself, of
@@ -38,6 +41,21 @@ impl PhaseLanes {
         })
     }
 
+    /// Of all media: of those whose phase function has a peak in `peaks`, what is below that.
+    pub fn of_media(media: &[Medium], peaks: &[Option<Peak>]) -> Vec<Self> {
+        let peak = |index: usize| peaks.get(index).and_then(Option::as_ref);
+        let of = |(index, medium): (usize, &Medium)| match peak(index) {
+            Some(peak) => PhaseLanes::below(peak),
+            None => PhaseLanes::new(medium.phase.clone()),
+        };
+        media.iter().enumerate().map(of).collect()
+    }
+
+    /// What there is below a peak.
+    pub fn below(peak: &Peak) -> Self {
+        PhaseLanes(Kind::Broad(peak.phase().sum(), peak.broad()))
+    }
+
     /// How fast ⅔ of its logarithm changes with the angle, at most.
     pub(super) fn steepness(&self) -> f64 {
         match &self.0 {
@@ -45,6 +63,7 @@ impl PhaseLanes {
             Kind::HenyeyGreenstein(g) => phase::HenyeyGreenstein { g: *g }.steepness(),
             // No steeper than its steepest term.
             Kind::Sum(terms) => terms.iter().map(|term| term.steepness).fold(0.0, f64::max),
+            Kind::Broad(_, broad) => broad.steepness,
         }
     }
 }
@@ -70,6 +89,14 @@ impl<L: Lanes> phase::Arithmetic for L {
     #[inline(always)]
     fn rsqrt(self) -> Self {
         Lanes::rsqrt(self)
+    }
+    #[inline(always)]
+    fn min(self, b: Self) -> Self {
+        Lanes::min(self, b)
+    }
+    #[inline(always)]
+    fn max(self, b: Self) -> Self {
+        Lanes::max(self, b)
     }
 }
 
@@ -211,12 +238,49 @@ impl Evaluate for Sum<'_> {
     }
 }
 
+/// The broad part of a sum of terms.
+#[derive(Clone, Copy)]
+pub(super) struct BroadSum<'a> {
+    sum: Sum<'a>,
+    broad: Broad,
+}
+
+impl<'a> BroadSum<'a> {
+    pub(super) fn new(terms: &'a [Term], broad: &Broad, omega: DVec3) -> Self {
+        BroadSum { sum: Sum::new(terms, omega), broad: *broad }
+    }
+}
+
+impl Evaluate for BroadSum<'_> {
+    fn constant(&self) -> f64 {
+        1.0
+    }
+    fn any(&self) -> Any<'_> {
+        Any::Broad(*self)
+    }
+    #[inline(always)]
+    fn values<L: Lanes>(&self, d: &[L; 3]) -> L {
+        self.broad.value(Lanes::min(self.sum.values(d), L::splat(self.broad.high))).0
+    }
+    #[inline(always)]
+    fn near_axis<L: Lanes>(&self, d: &[L; 3]) -> (L, L) {
+        let (value, kappa) = self.sum.near_axis(d);
+        let high = L::splat(self.broad.high);
+        let below = Lanes::min(value, high);
+        let (broad, slope) = self.broad.value(below);
+        // Above the ceiling it does not change, however large κ is there.
+        let kappa = kappa.mul(below.mul(slope)).div(broad.max(L::splat(f32::MIN_POSITIVE)));
+        (broad, kappa.keep(value.less(high)))
+    }
+}
+
 /// A phase function whose kind is looked at where it is evaluated: for code that is compiled once for all.
 #[derive(Clone, Copy)]
 pub(super) enum Any<'a> {
     Isotropic,
     HenyeyGreenstein(HenyeyGreenstein),
     Sum(Sum<'a>),
+    Broad(BroadSum<'a>),
 }
 
 impl Evaluate for Any<'_> {
@@ -225,6 +289,7 @@ impl Evaluate for Any<'_> {
             Any::Isotropic => Isotropic.constant(),
             Any::HenyeyGreenstein(phase) => phase.constant(),
             Any::Sum(phase) => phase.constant(),
+            Any::Broad(phase) => phase.constant(),
         }
     }
     #[inline(always)]
@@ -233,6 +298,7 @@ impl Evaluate for Any<'_> {
             Any::Isotropic => Isotropic.values(d),
             Any::HenyeyGreenstein(phase) => phase.values(d),
             Any::Sum(phase) => phase.values(d),
+            Any::Broad(phase) => phase.values(d),
         }
     }
     fn any(&self) -> Any<'_> {
@@ -244,6 +310,7 @@ impl Evaluate for Any<'_> {
             Any::Isotropic => Isotropic.near_axis(d),
             Any::HenyeyGreenstein(phase) => phase.near_axis(d),
             Any::Sum(phase) => phase.near_axis(d),
+            Any::Broad(phase) => phase.near_axis(d),
         }
     }
 }
@@ -255,7 +322,7 @@ mod tests {
     use crate::photon::simd::{Isa, LANES, Row, Task};
 
     struct Values<'a> {
-        sum: Sum<'a>,
+        phase: Any<'a>,
         directions: &'a [Row; 3],
     }
 
@@ -265,7 +332,7 @@ mod tests {
         #[inline(always)]
         fn run<L: Lanes>(self) -> Row {
             let mut row = Row([0.0; LANES]);
-            self.sum.values::<L>(&self.directions.each_ref().map(L::load)).store(&mut row);
+            self.phase.values::<L>(&self.directions.each_ref().map(L::load)).store(&mut row);
             row
         }
     }
@@ -292,12 +359,18 @@ mod tests {
             ]))
         };
         for phase in [sum(0.998, 32.3, 0.508), sum(0.97, 17.0, 0.448), sum(-0.9, 250.0, 0.3), sum(0.0, 250.0, 1.0)] {
-            let terms = phase.sum();
-            for isa in Isa::available() {
-                let found = isa.run(Values { sum: Sum::new(&terms, omega), directions: &directions });
+            let (terms, peak) = (phase.sum(), Peak::new(&phase, 4.0));
+            let whole = Any::Sum(Sum::new(&terms, omega));
+            let broad = Any::Broad(BroadSum::new(&terms, &peak.broad(), omega));
+            for (lanes, isa) in
+                [whole, broad].into_iter().flat_map(|lanes| Isa::available().into_iter().map(move |isa| (lanes, isa)))
+            {
+                let found = isa.run(Values { phase: lanes, directions: &directions });
                 for lane in 0..LANES {
                     let d = DVec3::from_array(std::array::from_fn(|axis| directions[axis].0[lane] as f64)).normalize();
-                    let error = found.0[lane] as f64 / phase.value(d, -omega) - 1.0;
+                    let left_out = if matches!(lanes, Any::Broad(_)) { peak.value(d, -omega) } else { 0.0 };
+                    let value = phase.value(d, -omega);
+                    let error = (found.0[lane] as f64 + left_out) / value - 1.0;
                     assert!(error.abs() < 2e-5, "{isa:?}, {phase:?}, cosine {}: off by {error:e}", -d.dot(omega));
                 }
             }

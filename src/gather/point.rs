@@ -3,10 +3,11 @@
 
 use super::gathered::{GatherStats, Gathered, Sums};
 use super::march::{March, Marcher};
-use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Sum};
+use super::phase::{BroadSum, Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Sum};
 use super::segment::EyeSegment;
 use crate::math::{DVec3, Rgb, Stream, Vec3};
 use crate::medium::Medium;
+use crate::medium::phase::Peak;
 use crate::photon::kernel::{Biweight, Constant, Epanechnikov, Profile, Shape};
 use crate::photon::simd::{Lanes, Task, at_most, load3, prefetch};
 use crate::photon::{Plane, PointMap, PointMemory};
@@ -72,6 +73,7 @@ impl PointMap {
             Kind::Isotropic => found.sum(Isotropic, query.max_events, stats),
             Kind::HenyeyGreenstein(g) => found.sum(HenyeyGreenstein::new(*g, omega), query.max_events, stats),
             Kind::Sum(terms) => found.sum(Sum::new(terms, omega), query.max_events, stats),
+            Kind::Broad(terms, broad) => found.sum(BroadSum::new(terms, broad, omega), query.max_events, stats),
         };
         let inside = share(self.profile, &planes, radius);
         let factor = self.profile.ball_peak() / (f64::from(squared_radius) * f64::from(radius) * inside);
@@ -222,9 +224,9 @@ pub struct Marching {
 }
 
 impl PointMaps {
-    /// From the maps of all regions, in their order, all media, and each one's marcher.
-    pub fn new(maps: Vec<Option<PointMap>>, media: &[Medium], marchers: Vec<Marcher>) -> Self {
-        PointMaps { maps, phases: media.iter().map(|medium| PhaseLanes::new(medium.phase.clone())).collect(), marchers }
+    /// From the maps of all regions, in their order, all media, the peaks of these that are left to paths, and each one's marcher.
+    pub fn new(maps: Vec<Option<PointMap>>, media: &[Medium], peaks: &[Option<Peak>], marchers: Vec<Marcher>) -> Self {
+        PointMaps { maps, phases: PhaseLanes::of_media(media, peaks), marchers }
     }
 
     /// From now on, rays are marched so, by medium.
@@ -496,6 +498,7 @@ mod tests {
                     let maps = PointMaps::new(
                         vec![Some(map)],
                         std::slice::from_ref(&medium),
+                        &[],
                         vec![Marcher { stepping, size: 0.15 }],
                     );
                     let (mut ratios, mut marching) = (Vec::new(), Marching::default());
@@ -515,6 +518,7 @@ mod tests {
                             region: 0,
                             max_events: 255,
                             from_camera: true,
+                            passed: false,
                         };
                         let mut stats = GatherStats::default();
                         let gathered =

@@ -20,4 +20,6 @@ pub struct EyeSegment {
     /// Whether it lies on a ray from the camera: segments queued one after the other are then close to
     /// one another, and gather together.
     pub from_camera: bool,
+    /// Whether what passes was left to chance, so that all along it counts alike: transmittance is 1.
+    pub passed: bool,
 }

@@ -4,7 +4,7 @@
 use super::beam::{Coloured, Found, Grey, Pruning, RayFrame, Slabs, Transmit, add_block, exponents};
 use super::bundle::Bundle;
 use super::gathered::{GatherStats, Gathered};
-use super::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, Sum};
+use super::phase::{BroadSum, Evaluate, HenyeyGreenstein, Isotropic, Kind, Sum};
 use crate::math::DVec3;
 use crate::photon::discs::PhotonMap;
 use crate::photon::simd::{LANES, Lanes, Task, prefetch};
@@ -47,6 +47,9 @@ impl PhotonMap {
                 self.stream_phase(bundle, |omega| HenyeyGreenstein::new(*g, omega), scratch, stats, out)
             }
             Kind::Sum(terms) => self.stream_phase(bundle, |omega| Sum::new(terms, omega), scratch, stats, out),
+            Kind::Broad(terms, broad) => {
+                self.stream_phase(bundle, |omega| BroadSum::new(terms, broad, omega), scratch, stats, out)
+            }
         }
     }
 

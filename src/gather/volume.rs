@@ -10,6 +10,7 @@ use super::{
     SampledDepths, Samples, StreamScratch,
 };
 use crate::math::{DVec3, Ray, Rgb, Vec3, one_minus_exp_over};
+use crate::medium::phase::Peak;
 use crate::medium::{Emission, Medium};
 use crate::photon::{PhotonMap, PointMemory};
 
@@ -89,11 +90,11 @@ const MOST_PASSED: f64 = 0.15;
 const SAMPLES: f64 = 64.0;
 
 impl VolumeMaps {
-    /// From the maps of all regions, in their order, and all media.
-    pub fn new(maps: Vec<Option<PhotonMap>>, media: &[Medium]) -> Self {
+    /// From the maps of all regions, in their order, all media, and the peaks of these that are left to paths.
+    pub fn new(maps: Vec<Option<PhotonMap>>, media: &[Medium], peaks: &[Option<Peak>]) -> Self {
         VolumeMaps {
             maps,
-            phases: media.iter().map(|medium| PhaseLanes::new(medium.phase.clone())).collect(),
+            phases: PhaseLanes::of_media(media, peaks),
             extinctions: media.iter().map(|medium| medium.extinction.as_vec3()).collect(),
             steps: media.iter().map(|medium| 0.5 * medium.density.feature_length()).collect(),
         }
@@ -189,13 +190,13 @@ impl VolumeMaps {
         mut gather: impl FnMut(&PhotonMap, &Bundle<'_>, &mut Vec<Gathered>),
     ) {
         let key = |waiting: &Waiting<O>| {
-            let EyeSegment { region, medium, max_events, .. } = waiting.segment;
-            (region, medium, max_events, waiting.samples.is_some())
+            let EyeSegment { region, medium, max_events, passed, .. } = waiting.segment;
+            (region, medium, max_events, passed, waiting.samples.is_some())
         };
         waiting.sort_by_key(key);
         let (mut rays, mut samples, mut gathered) = (Vec::new(), Vec::new(), Vec::new());
         for same in waiting.chunk_by(|a, b| key(a) == key(b)) {
-            let (region, medium, max_events, sampled) = key(&same[0]);
+            let (region, medium, max_events, passed, sampled) = key(&same[0]);
             let Some(map) = &self.maps[region as usize] else { continue };
             let index = medium as usize;
             rays.clear();
@@ -205,7 +206,7 @@ impl VolumeMaps {
             let bundle = Bundle {
                 rays: &rays,
                 phase: &self.phases[index],
-                extinction: self.extinctions[index],
+                extinction: self.extinction(medium, passed),
                 max_events,
                 pruned: true,
                 depths: sampled.then_some((depths, self.step(map, medium), &samples)),
@@ -221,6 +222,11 @@ impl VolumeMaps {
         self.steps[medium as usize].min(map.bounds().diagonal() / SAMPLES)
     }
 
+    /// What fades light along a segment of a medium.
+    fn extinction(&self, medium: u32, passed: bool) -> Vec3 {
+        if passed { Vec3::ZERO } else { self.extinctions[medium as usize] }
+    }
+
     /// A query without a table of depths.
     fn query(&self, segment: &EyeSegment) -> BeamQuery<'_> {
         BeamQuery {
@@ -228,7 +234,7 @@ impl VolumeMaps {
             direction: segment.ray.direction,
             length: (segment.b - segment.a) as f32,
             phase: &self.phases[segment.medium as usize],
-            extinction: self.extinctions[segment.medium as usize],
+            extinction: self.extinction(segment.medium, segment.passed),
             depth: None,
             max_events: segment.max_events,
             pruning: Some(Pruning::number(segment.ray.direction)),

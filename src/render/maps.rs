@@ -9,6 +9,7 @@ use crate::Result;
 use crate::gather::{GlobalMap, PointMaps, SurfaceMap, VisibilityMap, VolumeMaps};
 use crate::medium::Medium;
 use crate::medium::density::Density;
+use crate::medium::phase::Peak;
 use crate::photon::{
     Kind, Landed, MapSettings, Photon, PhotonMap, PointMap, PointSettings, Radii, ShadowPass, ShadowPhoton, Shadows,
     SurfacePass, narrowing, trace_shadows, trace_surfaces,
@@ -63,7 +64,7 @@ impl Maps {
             }
             Some(points) => {
                 let scale = narrowing(before, PointMap::DIMENSION) as f32;
-                VolumeMap::Points(point_maps(scene, points, scale, regions))
+                VolumeMap::Points(point_maps(scene, (points, &plan.peaks), scale, regions))
             }
         };
         Maps { volume: Some(volume), ..Maps::default() }
@@ -219,7 +220,7 @@ fn beam_maps(scene: &Scene, plan: &Plan, scale: f32, extinctions: &[f64], region
             map.follow_density(&|p| density.at(p));
         }
     }
-    VolumeMaps::new(maps, &scene.media)
+    VolumeMaps::new(maps, &scene.media, &plan.peaks)
 }
 
 /// The density of a region that is filled with one medium, if it is voxels.
@@ -235,13 +236,18 @@ pub(super) fn tells_fluence(scene: &Scene, region: u32) -> bool {
     medium_index(scene, region).is_some_and(|medium| scene.uneven(medium).is_some())
 }
 
-fn point_maps(scene: &Scene, points: &Points, scale: f32, regions: Vec<Vec<Photon>>) -> PointMaps {
+fn point_maps(
+    scene: &Scene,
+    (points, peaks): (&Points, &[Option<Peak>]),
+    scale: f32,
+    regions: Vec<Vec<Photon>>,
+) -> PointMaps {
     let clearance = |position, limit| walls::clearance(scene, position, limit);
     let build = |(region, photons): (u32, Vec<Photon>)| {
         let settings = PointSettings { scale, fluence: tells_fluence(scene, region), ..points.settings };
         (!photons.is_empty()).then(|| PointMap::build(photons, &settings, &clearance))
     };
-    PointMaps::new((0..).zip(regions).map(build).collect(), &scene.media, points.marchers.clone())
+    PointMaps::new((0..).zip(regions).map(build).collect(), &scene.media, peaks, points.marchers.clone())
 }
 
 /// The medium of a region.

@@ -14,6 +14,7 @@ mod light_tracer;
 mod limits;
 mod maps;
 mod pass;
+mod peaks;
 mod pilot;
 mod plan;
 mod progress;

@@ -7,6 +7,7 @@ use crate::gather::march::{Marcher, Stepping};
 use crate::gather::{Cells, GlobalSettings, Reach, Spacing};
 use crate::math::Bounds;
 use crate::medium::Medium;
+use crate::medium::phase::Peak;
 use crate::photon::kernel::Profile;
 use crate::photon::{
     Ball, Emission, Importons, InMedium, Kind, PointSettings, Radius, Tagged, may_land, served_lights,
@@ -21,6 +22,7 @@ use crate::transport::Events;
 use super::camera::Camera;
 use super::importons;
 use super::limits::Limits;
+use super::peaks;
 use super::pilot::Pilot;
 
 /// The decisions.
@@ -36,6 +38,8 @@ pub struct Plan {
     pub single_scattering: SingleScattering,
     /// Volume photons wanted in each pass's map; 0 if the scene has no medium that scatters.
     pub volume_photons: u64,
+    /// By medium, the peak of its phase function, where photons leave that to paths.
+    pub peaks: Vec<Option<Peak>>,
     /// Photons wanted in each pass's caustic map; 0 if there is none.
     pub caustic_photons: u64,
     /// How the caustic map is looked up.
@@ -239,6 +243,7 @@ impl Plan {
                 Method::Path | Method::Light | Method::Whitted => SingleScattering::Photons,
             },
             volume_photons: if photons > 0 { (photons / parts as u64).max(1) } else { 0 },
+            peaks: if photons > 0 { peaks::of_media(scene, volume) } else { Vec::new() },
             caustic_photons: caustic_photons(scene, settings).div_ceil(u64::from(parts)),
             caustics: (reach(caustic_radius), surface.filter),
             indirect: match render.method {
@@ -416,22 +421,21 @@ fn is_dense(scene: &Scene) -> bool {
 
 /// The diagonal of the box around all media that scatter, as far as they end; else of the scene: without what lies far beyond the rest.
 fn extent_of_media(scene: &Scene) -> f64 {
-    let mut bounds = Bounds::EMPTY;
-    let mut endless = false;
-    for (index, medium) in scene.media.iter().enumerate().filter(|(_, medium)| medium.scatters()) {
-        let support = medium.density.support();
-        if scene.world == Some(index as u32) {
-            endless |= !support.size().is_finite();
-            bounds = bounds.union(support);
-        }
-        let solids = scene.solids.iter().filter(|solid| solid.medium == Some(index as u32));
-        for solid in solids.filter(|solid| scene.is_near(solid.shape)) {
-            bounds = bounds.union(scene.geometry.bounds(solid.shape).intersection(support));
-        }
-    }
-    if endless || bounds.is_empty() {
+    let all = (0..).zip(&scene.media).filter(|(_, medium)| medium.scatters());
+    let bounds = all.fold(Bounds::EMPTY, |all, (index, _)| all.union(bounds_of_medium(scene, index)));
+    if !bounds.size().is_finite() || bounds.is_empty() {
         // Walls around a fog limit it; without walls its mean free path does.
         return scene.near_bounds().diagonal().max(f64::MIN_POSITIVE);
     }
     bounds.diagonal()
+}
+
+/// The box around a medium; infinite if that fills the world and has no end.
+pub(super) fn bounds_of_medium(scene: &Scene, medium: u32) -> Bounds {
+    let support = scene.media[medium as usize].density.support();
+    let near = scene.solids.iter().filter(|solid| scene.is_near(solid.shape));
+    let solids = near.filter(|solid| solid.medium == Some(medium));
+    let world = (scene.world == Some(medium)).then_some(support);
+    let boxes = solids.map(|solid| scene.geometry.bounds(solid.shape).intersection(support)).chain(world);
+    boxes.fold(Bounds::EMPTY, |all, next| all.union(next))
 }

@@ -84,11 +84,12 @@ impl<P: Progress> Renderer<'_, P> {
         let stop = &move || stop.load(Ordering::Relaxed) || clock.ends_samples();
         let lamps = sends.then(|| LightTracer::new(self.scene, &self.camera, &self.plan, pass, stop));
         let tasks = lamps.as_ref().map_or(0, LightTracer::tasks_in_sample);
-        let traced = self.plan.traced.clone();
+        let (traced, peaks) = (self.plan.traced.clone(), self.plan.peaks.clone());
         let settings = EyeSettings {
             mode,
             max_events: self.plan.max_events,
             single_scattering: if sends { SingleScattering::Photons } else { self.plan.single_scattering },
+            peaks: &peaks,
             marchers: traced.as_deref(),
             caustics: maps.and_then(|maps| maps.caustic.as_ref()),
             visibility: maps.and_then(|maps| maps.visibility.as_ref()),

@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use super::description::{
     Boundaries, Camera, Description, Document, Estimate, Film, Filter, FovAxis, GatherDirections, Indirect, Kernel,
-    March, Method, PhotonEmission, Photons, Profile, Projection, Quality, Records, Render, SingleScattering, Step,
+    March, Method, Peaks, PhotonEmission, Photons, Profile, Projection, Quality, Records, Render, SingleScattering, Step,
     Surface, SurfaceEstimate, SurfaceFilter, ToneMap, Unit, Volume, Window, World,
 };
 use super::table::{Item, Problems, Read, Table, unit};
@@ -349,6 +349,8 @@ fn volume(table: &Table) -> Read<Volume> {
     ];
     let single_scattering =
         table.get_or("single_scattering", SingleScattering::Photons, |item| item.choice(&ways, &[]));
+    let ways = [("auto", Peaks::Auto), ("paths", Peaks::Paths), ("photons", Peaks::Photons)];
+    let peaks = table.get_or("peaks", Peaks::Auto, |item| item.choice(&ways, &[]));
     let march = table.get("march", |item| march(&item.table()?));
     let kinds = [("none", Boundaries::None), ("share", Boundaries::Share), ("lean", Boundaries::Lean)];
     let boundaries = table.get_or("boundaries", Boundaries::Lean, |item| item.choice(&kinds, &[]));
@@ -364,6 +366,7 @@ fn volume(table: &Table) -> Read<Volume> {
         boundaries: boundaries?,
         march: march?,
         single_scattering: single_scattering?,
+        peaks: peaks?,
     })
 }
 

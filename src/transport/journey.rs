@@ -162,6 +162,7 @@ fn follow<'s, T: Traveller<'s>>(traveller: &mut T, part: Part<'s, T::Own>, parts
                     index,
                     inside: &walk.inside,
                     clearance: walk.clearance(t),
+                    peak: None,
                 };
                 let heading = traveller.turn(Vertex::Medium(&collision), &walk, &mut luggage, parts);
                 let Some(Heading { direction, clearance }) = heading else { return };

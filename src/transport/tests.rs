@@ -47,6 +47,7 @@ impl Case {
                 index: 0,
                 inside: &Inside::default(),
                 clearance: 0.0,
+                peak: None,
             })),
         }
     }

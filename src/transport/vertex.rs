@@ -7,6 +7,7 @@ use crate::light::Receiver;
 use crate::math::random::Dimension;
 use crate::math::{DVec3, Rgb, Stream};
 use crate::medium::Medium;
+use crate::medium::phase::Peak;
 use crate::scene::{Inside, Scene};
 use crate::surface::{Lobe, Nature, Onward, Scattering, Side};
 
@@ -27,6 +28,37 @@ pub struct Collision<'w> {
     pub inside: &'w Inside,
     /// How far the nearest surface is, at least.
     pub clearance: f64,
+    /// The part of the medium's phase function that counts here; `None`: all of it.
+    pub peak: Option<&'w Peak>,
+}
+
+impl Collision<'_> {
+    /// The share of light that goes on from here.
+    pub fn albedo(&self) -> Rgb {
+        self.peak.map_or(self.medium.albedo, |peak| self.medium.albedo * peak.share())
+    }
+
+    /// The phase function for light that goes on along `o`, and the density per steradian with which [`Collision::sample`] draws that.
+    pub fn phase(&self, o: DVec3) -> (f64, f64) {
+        match self.peak {
+            None => {
+                let value = self.medium.phase.value(self.direction, o);
+                (value, value)
+            }
+            Some(peak) => {
+                let value = peak.value(self.direction, o);
+                (value, value / peak.share())
+            }
+        }
+    }
+
+    /// A direction in which light goes on, with its density per steradian.
+    pub fn sample(&self, stream: &mut Stream) -> (DVec3, f64) {
+        match self.peak {
+            None => self.medium.phase.sample(self.direction, stream),
+            Some(peak) => peak.sample(self.direction, stream),
+        }
+    }
 }
 
 /// A view of where a path turns: two words, that only borrow.
@@ -91,7 +123,7 @@ impl Vertex<'_> {
     pub fn albedo(&self) -> Rgb {
         match self {
             Vertex::Surface(at) => at.bsdf.albedo(&at.incidence),
-            Vertex::Medium(at) => at.medium.albedo,
+            Vertex::Medium(at) => at.albedo(),
         }
     }
 
@@ -110,8 +142,8 @@ impl Vertex<'_> {
         match self {
             Vertex::Surface(at) => at.bsdf.toward(&at.incidence, o, side, both, weight, stream, part),
             Vertex::Medium(at) => {
-                let phase = at.medium.phase.value(at.direction, o);
-                part(weight, Scattering { value: at.medium.albedo * phase, ahead: Rgb::splat(phase) });
+                let (phase, density) = at.phase(o);
+                part(weight, Scattering { value: at.medium.albedo * phase, ahead: Rgb::splat(density) });
             }
         }
     }
@@ -131,11 +163,10 @@ impl Vertex<'_> {
                 at.bsdf.onward(&at.incidence, side, lobe, weight, stream, survives)
             }),
             Vertex::Medium(at) => {
-                if !survives(weight, at.medium.albedo, stream) {
+                if !survives(weight, at.albedo(), stream) {
                     return None;
                 }
-                let sample = |stream: &mut Stream| at.medium.phase.sample(at.direction, stream);
-                let (direction, density) = stream.draw(Dimension::Direction, sample);
+                let (direction, density) = stream.draw(Dimension::Direction, |stream| at.sample(stream));
                 Some(Onward { direction, density })
             }
         }

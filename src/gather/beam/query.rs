@@ -6,7 +6,7 @@ use super::listing::Listing;
 use super::transmittance::{Coloured, Grey, Pruning, Tabulated, Transmit, exponents};
 use crate::gather::depth::DepthTable;
 use crate::gather::gathered::{GatherStats, Gathered, Sums};
-use crate::gather::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Sum};
+use crate::gather::phase::{BroadSum, Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Sum};
 use crate::math::{DVec3, Vec3};
 use crate::photon::discs::PhotonMap;
 use crate::photon::simd::{Lanes, Task};
@@ -51,6 +51,7 @@ impl PhotonMap {
             Kind::Isotropic => self.gather_phase(query, Isotropic, stats),
             Kind::HenyeyGreenstein(g) => self.gather_phase(query, HenyeyGreenstein::new(*g, omega), stats),
             Kind::Sum(terms) => self.gather_phase(query, Sum::new(terms, omega), stats),
+            Kind::Broad(terms, broad) => self.gather_phase(query, BroadSum::new(terms, broad, omega), stats),
         }
     }
 

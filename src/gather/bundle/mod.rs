@@ -27,7 +27,7 @@ pub use rays::Bundle;
 
 use crate::gather::depth::DepthTable;
 use crate::gather::gathered::{GatherStats, Gathered};
-use crate::gather::phase::{Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Sum};
+use crate::gather::phase::{BroadSum, Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Sum};
 use crate::gather::sampled::GROUP;
 use crate::math::DVec3;
 use crate::photon::discs::PhotonMap;
@@ -139,6 +139,10 @@ impl PhotonMap {
                 self.serve_phase(bundle, HenyeyGreenstein::new(*g, DVec3::Z), &cone, groups, scratch, stats)
             }
             Kind::Sum(terms) => self.serve_phase(bundle, Sum::new(terms, DVec3::Z), &cone, groups, scratch, stats),
+            Kind::Broad(terms, broad) => {
+                let phase = BroadSum::new(terms, broad, DVec3::Z);
+                self.serve_phase(bundle, phase, &cone, groups, scratch, stats);
+            }
         }
     }
 
@@ -188,5 +192,6 @@ fn phase_constant(phase: &PhaseLanes) -> f64 {
         Kind::Isotropic => Isotropic.constant(),
         Kind::HenyeyGreenstein(g) => HenyeyGreenstein::new(*g, DVec3::Z).constant(),
         Kind::Sum(terms) => Sum::new(terms, DVec3::Z).constant(),
+        Kind::Broad(terms, broad) => BroadSum::new(terms, broad, DVec3::Z).constant(),
     }
 }

@@ -7,7 +7,7 @@ use crate::math::random::{Purpose, Stream};
 use crate::math::{Frame, Ray, Vec3, sampling};
 use crate::medium::density::bricks::{BrickGrid, NegativePolicy};
 use crate::medium::density::{Density, Grid};
-use crate::medium::phase::{Draine, HenyeyGreenstein, Isotropic, Mixture, Rayleigh, Schlick};
+use crate::medium::phase::{Draine, HenyeyGreenstein, Isotropic, Mixture, Peak, Rayleigh, Schlick, mie};
 use crate::photon::{MapSettings, Photon, Plane, Radius};
 use glam::DAffine3;
 use smallvec::SmallVec;
@@ -67,6 +67,7 @@ fn rays(from: DVec3, lens: f64, pixel: f64, (a, b): (f64, f64)) -> Vec<(Ray, f64
 
 #[test]
 fn bundles_gather_what_their_rays_gather() {
+    const BELOW_PEAKS: usize = 7;
     let lobes = [
         PhaseLanes::new(Isotropic),
         PhaseLanes::new(HenyeyGreenstein { g: 0.75 }),
@@ -81,6 +82,8 @@ fn bundles_gather_what_their_rays_gather() {
             (0.55, HenyeyGreenstein { g: 0.97 }.into()),
             (0.45, Draine { g: -0.5, alpha: 17.0 }.into()),
         ])),
+        PhaseLanes::below(&Peak::new(&HenyeyGreenstein { g: 0.93 }.into(), 4.0)),
+        PhaseLanes::below(&Peak::new(&mie(12.0).into(), 4.0)),
     ];
     let far = DVec3::new(3.0, 1.0, -4.0);
     let views = [
@@ -134,9 +137,11 @@ fn bundles_gather_what_their_rays_gather() {
                         }
                     }
                 }
-                // Single rays may have a photon on their end, on one side of it here, on the other there.
+                // Single rays may have a photon on their end, on one side of it here, on the other there. The bend below a peak
+                // counts in the second order, which is left out.
+                let (most, at_worst) = if number < BELOW_PEAKS { (3e-4, 4e-3) } else { (1e-3, 1e-2) };
                 assert!(
-                    off < 3e-4 && largest < 4e-3,
+                    off < most && largest < at_worst,
                     "{name}, phase {number}, walls {walled}: {off:.1e} {largest:.1e}"
                 );
             }

@@ -65,4 +65,8 @@ pub(crate) trait Arithmetic: Copy {
     fn mul_add(self, b: Self, c: Self) -> Self;
     /// 1/√self
     fn rsqrt(self) -> Self;
+    /// The lesser of both.
+    fn min(self, b: Self) -> Self;
+    /// The greater of both.
+    fn max(self, b: Self) -> Self;
 }

@@ -92,6 +92,12 @@ impl Arithmetic for f32 {
     fn rsqrt(self) -> Self {
         self.sqrt().recip()
     }
+    fn min(self, b: Self) -> Self {
+        f32::min(self, b)
+    }
+    fn max(self, b: Self) -> Self {
+        f32::max(self, b)
+    }
 }
 
 /// Terms add up to the value, their derivatives to its change, which is no steeper than they say.
@@ -187,4 +193,63 @@ fn the_ends_of_the_random_range_are_in_domain() {
             assert!(phase.at(d).is_finite(), "{name} at {u}");
         }
     }
+}
+
+/// What is left to photons and what to paths: together all of it, the one bounded, the other drawn as its value says.
+#[test]
+fn a_peak_and_what_is_below_it_make_up_the_whole() {
+    const SAMPLES: usize = 20_000;
+    let before = DVec3::new(0.36, -0.48, 0.8);
+    for (name, phase, _) in kinds() {
+        for ceiling in [0.7, 4.0] {
+            let peak = Peak::new(&phase, ceiling);
+            let most = ceiling / (2.0 * TAU);
+            let second = integrate(&phase, |c| 2.0 * TAU * phase.value(before, aside(before, c)));
+            if second < 1e4 {
+                let off = (peak.second_moment() / second - 1.0).abs();
+                assert!(off < 1e-3, "{name}: second moment {}, not {second}", peak.second_moment());
+            }
+            if peak.share() < 0.02 {
+                continue;
+            }
+            let (terms, broad) = (phase.sum(), peak.broad());
+            let (mut sum, mut squares, mut cosines) = (0.0, 0.0, 0.0);
+            let mut stream = Stream::new(8, Purpose::Test, 0, 0);
+            for _ in 0..SAMPLES {
+                let (after, density) = peak.sample(before, &mut stream);
+                let (value, whole) = (peak.value(before, after), phase.value(before, after));
+                assert!((density * peak.share() / value - 1.0).abs() < 1e-5, "{name}: density {density} of {value}");
+                let d = Deflection::between(before, after);
+                let p = terms.iter().map(|term| {
+                    let end = if term.backward { d.above_minus_one } else { d.below_one };
+                    term.value((2.0 * end) as f32).0 * term.weight
+                });
+                let (below, slope) = broad.value(p.sum::<f32>().min(broad.high));
+                let off = (f64::from(below) + value - whole).abs();
+                assert!(off < 3e-5 * whole, "{name}, {ceiling}: {below} and {value} of {whole}");
+                assert!(
+                    f64::from(below) <= most * 1.000_01 && (0.0..=1.0).contains(&slope),
+                    "{name}: {below}, {slope}"
+                );
+                let x = d.below_one.min(d.above_minus_one).sqrt();
+                (sum, squares, cosines) = (sum + x, squares + x * x, cosines + d.cos);
+            }
+            let n = SAMPLES as f64;
+            let ratio = |c: f64| peak.value(before, aside(before, c)) / phase.value(before, aside(before, c));
+            let share = integrate(&phase, ratio);
+            let expected = integrate(&phase, |c| ratio(c) * (1.0 - c.abs()).max(0.0).sqrt()) / share;
+            let (mean, error) = (sum / n, ((squares / n - (sum / n).powi(2)) / n).sqrt());
+            let forward = (integrate(&phase, |c| c * ratio(c)) / share, cosines / n);
+            let off = (mean - expected).abs();
+            assert!((peak.share() / share - 1.0).abs() < 2e-3, "{name}: {} of all, not {share}", peak.share());
+            assert!(off < 5.0 * error + 1e-3 * mean, "{name}, {ceiling}: {mean} ± {error}, not {expected}");
+            assert!((forward.0 - forward.1).abs() < 0.02, "{name}, {ceiling}: mean cosine {forward:?}");
+        }
+    }
+}
+
+/// A direction at this cosine to another.
+fn aside(before: DVec3, cos: f64) -> DVec3 {
+    let across = before.cross(DVec3::X).normalize();
+    (cos * before + (1.0 - cos * cos).max(0.0).sqrt() * across).normalize()
 }

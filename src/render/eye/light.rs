@@ -3,11 +3,13 @@
 use std::ops::ControlFlow;
 
 use super::component::Component;
+use super::single::collision;
 use super::{Context, Looking, Path, Seeks, Spread};
 use crate::gather::{GlobalMap, IrradianceCache, Visibility};
 use crate::light::{Arrival, Light, Receiver};
 use crate::math::random::Dimension;
 use crate::math::{DVec3, Ray, Rgb};
+use crate::medium::phase::Peak;
 use crate::surface::{Nature, Side};
 use crate::transport::{
     self, Asked, Collision, Crossing, Flight, Interaction, Landing, Luggage, Segment, ShadowRay, Stop, Turn, Vertex,
@@ -29,30 +31,34 @@ impl Looking<'_, '_, '_> {
         if events == 1 { self.eye.settings.light_samples } else { 1 }
     }
 
-    /// Asks for light where a path turns: of glowing media, where it turns diffusely, and straight from a light. `both`: it will
-    /// follow both lobes of a boundary. `landing`: how the collision was drawn, in a medium.
-    pub(super) fn ask(&mut self, at: Vertex<'_>, luggage: &Luggage<Path>, both: bool, landing: Option<&Landing>) {
+    /// Asks for light where a path turns at a surface: of glowing media, where it turns diffusely, and straight from a light. `both`: it
+    /// will follow both lobes of a boundary.
+    pub(super) fn ask(&mut self, at: Vertex<'_>, luggage: &Luggage<Path>, both: bool) {
         if at.nature() == Nature::Diffuse {
-            for _ in 0..self.embers(luggage.events) {
-                self.ask_glow(at, luggage);
-            }
+            self.ask_glows(at, luggage);
         }
         let count = self.shadow_rays(luggage.events);
-        match at {
-            Vertex::Surface(_) if count > 1 => {
-                let mark = self.context.stream.mark();
-                for number in 0..count {
-                    self.context.stream.again(mark, number);
-                    self.ask_light(at, luggage, both, landing, count);
-                }
+        if count > 1 {
+            let mark = self.context.stream.mark();
+            for number in 0..count {
+                self.context.stream.again(mark, number);
+                self.ask_light(at, luggage, both, None, count);
             }
-            _ => self.ask_light(at, luggage, both, landing, 1),
+        } else {
+            self.ask_light(at, luggage, both, None, 1);
         }
     }
 
-    /// Light of a point of a glowing medium.
-    fn ask_glow(&mut self, at: Vertex<'_>, luggage: &Luggage<Path>) {
-        let count = self.embers(luggage.events);
+    /// Light of points of glowing media.
+    pub(super) fn ask_glows(&mut self, at: Vertex<'_>, luggage: &Luggage<Path>) {
+        let count = if matches!(at, Vertex::Surface(_)) { self.embers(luggage.events) } else { 1 };
+        for _ in 0..count {
+            self.ask_glow(at, luggage, count);
+        }
+    }
+
+    /// Light of one of `count` points of a glowing medium.
+    fn ask_glow(&mut self, at: Vertex<'_>, luggage: &Luggage<Path>, count: u32) {
         let stream = &mut *self.context.stream;
         let Some(ember) = self.eye.glows.draw(at.point(), stream) else { return };
         let mut weight = Rgb::ZERO;
@@ -67,7 +73,7 @@ impl Looking<'_, '_, '_> {
         }
     }
 
-    /// Light straight from a light, by one of `count` shadow rays.
+    /// Light straight from a light, by one of `count` shadow rays. `landing`: how the collision was drawn, in a medium.
     pub(super) fn ask_light(
         &mut self,
         at: Vertex<'_>,
@@ -136,8 +142,8 @@ impl Looking<'_, '_, '_> {
         if self.eye.straight_on() || !self.eye.lights_have_size {
             return;
         }
-        let (direction, density) = at.medium.phase.sample(at.direction, self.context.stream);
-        luggage.weight *= at.medium.albedo;
+        let (direction, density) = at.sample(self.context.stream);
+        luggage.weight *= at.albedo();
         luggage.own.turn = Turn::Medium { point: at.point, density, landing };
         self.meet_straight_on(Walk::new(scene, Ray::new(at.point, direction), at.inside.clone()), luggage);
     }
@@ -162,10 +168,11 @@ impl Looking<'_, '_, '_> {
     }
 
     /// Light straight from a light, scattered on a segment where an equiangular draw says: finds what collisions by chance find
-    /// badly, close to small lights and in thin media. `by_flight` tells with what density collisions are drawn there otherwise.
+    /// badly, close to small lights and in thin media. `by_flight` tells with what density collisions are drawn there otherwise, `peak` what
+    /// part of the phase function counts.
     pub(super) fn light_equiangularly(
         &mut self,
-        segment: &Segment<'_>,
+        (segment, peak): (&Segment<'_>, Option<&Peak>),
         flight: &Flight,
         luggage: &Luggage<Path>,
         by_flight: impl Fn(f64) -> f64,
@@ -174,16 +181,16 @@ impl Looking<'_, '_, '_> {
         let medium = &scene.media[segment.medium as usize];
         let draw = stream.draw(Dimension::Equiangular, |stream| equiangular::draw(scene, flight, stream));
         let Some(draw) = draw else { return };
-        let point = segment.ray.at(draw.t);
-        let density = medium.density.at(point);
+        let at = collision((segment, medium), peak, draw.t);
+        let (point, density) = (at.point, medium.density.at(at.point));
         if density <= 0.0 {
             return;
         }
 
         // Its part, where flights draw that collision, and the light is asked for or met from there.
-        let phase = medium.phase.value(segment.ray.direction, draw.arrival.direction);
+        let (phase, met) = at.phase(draw.arrival.direction);
         let asked = scene.light_choice(draw.emitter, &Receiver::around(point)) * draw.arrival.density;
-        let met = if self.eye.straight_on() { 0.0 } else { phase };
+        let met = if self.eye.straight_on() { 0.0 } else { met };
         let scattering = medium.extinction * medium.albedo * (density * phase);
         let mut weight = luggage.weight * scattering * draw.over(by_flight(draw.t), asked, met);
 
@@ -231,7 +238,7 @@ impl Looking<'_, '_, '_> {
     /// Whether the light of a light that a path meets does not count: photons bring it, or it is of a caustic that is left out.
     fn is_idle(&self, luggage: &Luggage<Path>) -> bool {
         let brought = self.eye.settings.caustics.is_some() || luggage.own.uncast;
-        let found = luggage.own.glimpsed || luggage.own.seeks == Seeks::Scattered;
+        let found = luggage.own.glimpsed || luggage.own.asked || luggage.own.seeks == Seeks::Scattered;
         found || brought && luggage.own.meets_caustic()
     }
 
@@ -251,7 +258,8 @@ impl Looking<'_, '_, '_> {
         }
         let Some((direction, factor)) = at.bsdf.mirrored(&at.incidence) else { return false };
         let uncast = luggage.own.uncast || !at.caustics.casts;
-        let own = Path { bent: true, uncast, glimpsed: false, turn: Turn::Specular, ..luggage.own.clone() };
+        let own =
+            Path { bent: true, uncast, asked: false, glimpsed: false, turn: Turn::Specular, ..luggage.own.clone() };
         let mirrored = luggage.part(luggage.weight * factor, own);
         if self.is_idle(&mirrored) {
             return false;

@@ -6,8 +6,9 @@ use std::ops::ControlFlow;
 use super::component::{Component, First};
 use super::{Claim, Context, Looking, Mode, Path, Seeks};
 use crate::gather::{self, EyeSegment, PointMaps, VolumeMaps};
-use crate::math::Ray;
 use crate::math::random::Dimension;
+use crate::math::{Ray, Rgb};
+use crate::medium::phase::Peak;
 use crate::medium::{Emission, Medium};
 use crate::photon::walls;
 use crate::transport::{self, Events, Flight, Landing, Luggage, Part, Parts, Segment, Walk};
@@ -22,8 +23,20 @@ impl<'s> Looking<'_, '_, 's> {
     ) -> ControlFlow<f64> {
         let medium = &self.eye.scene.media[segment.medium as usize];
         match self.eye.settings.mode {
-            Mode::Gather(maps) => self.gather(maps, segment, medium, luggage),
-            Mode::March(maps) => self.march(maps, segment, medium, luggage),
+            Mode::Gather(maps) => {
+                if luggage.own.scattered
+                    && let Some(peak) = self.leaves(segment, luggage)
+                    && medium.extinction == Rgb::splat(medium.extinction.x)
+                {
+                    return self.gather_by_chance(maps, (segment, peak), medium, luggage);
+                }
+                self.stray(segment, medium, luggage, parts);
+                self.gather(maps, segment, medium, luggage);
+            }
+            Mode::March(maps) => {
+                self.stray(segment, medium, luggage, parts);
+                self.march(maps, segment, medium, luggage);
+            }
             Mode::Pass => {
                 self.light_itself(segment, medium, luggage);
                 luggage.weight *= medium.transmittance(medium.density.depth(segment.ray, segment.a, segment.b));
@@ -66,7 +79,7 @@ impl<'s> Looking<'_, '_, 's> {
                 let certain = splits.then(|| flight.certain(medium));
                 certain.as_ref().unwrap_or(&flight).flight_density(medium, t)
             };
-            self.light_equiangularly(segment, &flight, luggage, by_flight);
+            self.light_equiangularly((segment, None), &flight, luggage, by_flight);
         }
         if splits {
             self.split(segment, flight, medium, luggage, parts);
@@ -131,6 +144,72 @@ impl<'s> Looking<'_, '_, 's> {
             luggage: luggage.part(weight, own),
             collision: Some((t, segment.medium)),
         });
+    }
+
+    /// The peak of a segment's phase function, where photons leave that to this path.
+    fn leaves(&self, segment: &Segment<'_>, luggage: &Luggage<Path>) -> Option<&'s Peak> {
+        let goes_on = self.eye.settings.max_events.allows(luggage.events) && luggage.own.seeks != Seeks::Emitted;
+        self.eye.peak(segment.medium).filter(|_| goes_on)
+    }
+
+    /// Where photons leave the peak of a phase function to paths: by chance a part collides, and is followed later, while all of it goes on.
+    fn stray(&mut self, segment: &Segment<'_>, medium: &Medium, luggage: &Luggage<Path>, parts: &mut Parts<'s, Path>) {
+        let Some(peak) = self.leaves(segment, luggage) else { return };
+        let mut part = luggage.clone();
+        let Some(t) = self.fly_to_peak((segment, peak), medium, &mut part) else { return };
+
+        // What goes on there carries this much: roulette comes before light is asked for.
+        let mut carried = part.weight * medium.albedo * peak.share();
+        let all = carried.max_element();
+        if all <= 0.0 || !self.outlives(&mut carried, true, segment.inside) {
+            return;
+        }
+        part.weight *= carried.max_element() / all;
+        parts.push(Part {
+            walk: Walk::within(self.eye.scene, segment),
+            luggage: part,
+            collision: Some((t, segment.medium)),
+        });
+    }
+
+    /// The flight to a collision that scatters by the peak of a phase function, if there is one by chance.
+    fn fly_to_peak(
+        &mut self,
+        (segment, peak): (&Segment<'_>, &Peak),
+        medium: &Medium,
+        luggage: &mut Luggage<Path>,
+    ) -> Option<f64> {
+        let flight = Flight::new(segment, medium, luggage.weight);
+        if !self.eye.settings.single_scattering.asks_lights() {
+            self.light_equiangularly((segment, Some(peak)), &flight, luggage, |t| flight.flight_density(medium, t));
+        }
+        let (range, weight) = ((segment.a, segment.b), &mut luggage.weight);
+        let Context { stream, tally, .. } = &mut *self.context;
+        let t = stream.draw(Dimension::Flight, |stream| {
+            transport::fly(medium, segment.ray, range, weight, stream, tally, |_, _, _| {})
+        })?;
+        luggage.own.landing = Some(Landing::new(flight, medium, t));
+        Some(t)
+    }
+
+    /// Photons along a flight up to where it collides by chance: what passes a grey medium without collision has all of its weight, so what it
+    /// gathers counts in full, and nothing is gathered from where little light arrives from.
+    fn gather_by_chance(
+        &mut self,
+        maps: &VolumeMaps,
+        (segment, peak): (&Segment<'_>, &Peak),
+        medium: &Medium,
+        luggage: &mut Luggage<Path>,
+    ) -> ControlFlow<f64> {
+        self.light_itself(segment, medium, luggage);
+        let collision = self.fly_to_peak((segment, peak), medium, luggage);
+        let (reach, counts) = self.reach(segment, luggage);
+        if counts {
+            let claim = Claim { pixel: self.context.pixel, weight: luggage.weight, components: luggage.own.gathered() };
+            let flown = EyeSegment { b: collision.unwrap_or(segment.b), passed: true, ..reach };
+            maps.gather(medium, flown, Some(claim), self.context.queue);
+        }
+        collision.map_or(ControlFlow::Continue(()), ControlFlow::Break)
     }
 
     /// What a medium emits, met by chance.
@@ -213,6 +292,7 @@ impl<'s> Looking<'_, '_, 's> {
             region: self.eye.scene.region(segment.inside),
             max_events: left.map_or(0, Events::in_a_byte),
             from_camera: luggage.events == 0,
+            passed: false,
         };
         (reach, left.is_some() && luggage.own.seeks != Seeks::Emitted)
     }
@@ -231,7 +311,8 @@ impl Path {
         match self.first {
             None => [Component::VolumeSingle, Component::VolumeMultiple],
             Some(First::Specular) => [Component::Specular; 2],
-            Some(_) => [Component::Indirect; 2],
+            Some(First::Diffuse) => [Component::Indirect; 2],
+            Some(First::Medium) => [Component::VolumeMultiple; 2],
         }
     }
 }

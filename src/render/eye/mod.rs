@@ -2,7 +2,7 @@
 //!
 //! Both travel alike from surface to surface. They differ in the media between: a path either collides
 //! there by chance, or, where collisions are rare, splits into a part that does and one that does not;
-//! with photons it never collides, and gathers along every segment instead.
+//! with photons it gathers along every segment instead, and only where a phase function has a peak a part of it collides.
 
 mod claim;
 mod component;
@@ -21,6 +21,7 @@ use crate::gather::march::Marcher;
 use crate::gather::{FluxMap, GlobalMap, IrradianceCache, PointMaps, Queue, SurfaceMap, VisibilityMap, VolumeMaps};
 use crate::light::Light;
 use crate::math::{DVec3, Ray, Rgb, Stream};
+use crate::medium::phase::Peak;
 use crate::scene::description::SingleScattering;
 use crate::scene::{Inside, Scene};
 use crate::surface::{Lobe, Nature, Side};
@@ -54,6 +55,8 @@ pub struct EyeSettings<'s> {
     pub max_events: Events,
     /// Who finds light that a medium scatters straight from a light, where all other comes from photons.
     pub single_scattering: SingleScattering,
+    /// By medium, the peak of its phase function, where photons leave that to paths.
+    pub peaks: &'s [Option<Peak>],
     /// How rays are marched through each medium where lights are asked for that light; `None`: they are not, and one place
     /// is enough.
     pub marchers: Option<&'s [Marcher]>,
@@ -115,6 +118,10 @@ pub struct Path {
     first: Option<First>,
     /// Whether it has met a diffuse surface.
     diffuse: bool,
+    /// Whether a medium has scattered it.
+    scattered: bool,
+    /// Whether lights that it meets straight from where it was scattered last have been asked for that.
+    asked: bool,
     /// Where it was spread last,
     spread: Spread,
     /// and whether it has been mirrored or refracted since, smoothly or by narrow lobes, and no more than that.
@@ -143,6 +150,8 @@ impl Path {
         let first = self.first.or(Some(First::Medium));
         Path {
             first,
+            scattered: true,
+            asked: false,
             spread: Spread::Other,
             bent: false,
             seeks: Seeks::All,
@@ -153,6 +162,11 @@ impl Path {
             landing: None,
             ..*self
         }
+    }
+
+    /// Whether a diffuse surface or a medium has spread it.
+    fn is_spread(&self) -> bool {
+        self.diffuse || self.scattered
     }
 
     /// Whether it came straight to a place less far than `near` from where it turned.
@@ -242,6 +256,8 @@ impl<'s> Eye<'s> {
         let own = Path {
             first: None,
             diffuse: false,
+            scattered: false,
+            asked: false,
             spread: Spread::Other,
             bent: false,
             uncast: false,
@@ -277,6 +293,8 @@ impl<'s> Eye<'s> {
         let own = Path {
             first: Some(First::Diffuse),
             diffuse: true,
+            scattered: false,
+            asked: false,
             spread: Spread::First,
             bent: false,
             uncast: !at.caustics.receives,
@@ -303,6 +321,11 @@ impl<'s> Eye<'s> {
     /// Whether light in media comes from photons.
     fn has_photons(&self) -> bool {
         matches!(self.settings.mode, Mode::Gather(_) | Mode::March(_) | Mode::Pass)
+    }
+
+    /// The peak of a medium's phase function that photons leave to paths.
+    fn peak(&self, medium: u32) -> Option<&'s Peak> {
+        self.settings.peaks.get(medium as usize)?.as_ref()
     }
 
     /// Whether light to a medium goes straight on through refracting boundaries.
@@ -440,7 +463,7 @@ impl<'s> Looking<'_, '_, 's> {
         // Light asked for.
         let lesser = self.splits(luggage, at);
         if nature != Nature::Specular && !self.is_known(at, luggage) {
-            self.ask(vertex, luggage, lesser.or(coat).is_some(), None);
+            self.ask(vertex, luggage, lesser.or(coat).is_some());
         }
         if diffuse {
             self.read_caustics(at, luggage);
@@ -486,6 +509,11 @@ impl<'s> Looking<'_, '_, 's> {
         } else if event != Event::Passed {
             luggage.own.turn = Turn::Specular;
         }
+        luggage.own.asked &= match event {
+            Event::Passed => true,
+            Event::Refracted => self.eye.straight_on(),
+            Event::Mirrored | Event::Narrow | Event::Scattered => false,
+        };
         luggage.own.glimpsed = match event {
             Event::Passed => luggage.own.glimpsed,
             Event::Mirrored => luggage.own.mirror_glimpsed,
@@ -503,7 +531,8 @@ impl<'s> Looking<'_, '_, 's> {
             luggage.own.bent = true;
             luggage.own.uncast |= !at.caustics.casts;
         }
-        let goes_on = self.outlives(&mut luggage.weight, luggage.own.diffuse, at.around(onward.direction));
+        let spread = luggage.own.is_spread();
+        let goes_on = self.outlives(&mut luggage.weight, spread, at.around(onward.direction));
         goes_on.then_some(Heading { direction: onward.direction, clearance: None })
     }
 
@@ -552,8 +581,9 @@ impl<'s> Looking<'_, '_, 's> {
         }
     }
 
-    /// Scatters at a collision in a medium.
+    /// Scatters at a collision in a medium: where photons bring light, by the peak of its phase function.
     fn collide(&mut self, at: &Collision<'_>, luggage: &mut Luggage<Path>) -> Option<Heading> {
+        let at = &Collision { peak: self.eye.peak(at.index), ..*at };
         if !self.eye.settings.max_events.allows(luggage.events) {
             return None;
         }
@@ -561,11 +591,16 @@ impl<'s> Looking<'_, '_, 's> {
         luggage.own.first.get_or_insert(First::Medium);
         let landing = luggage.own.landing.take()?;
         let vertex = Vertex::Medium(at);
-        self.ask(vertex, luggage, false, Some(&landing));
+        luggage.own.scattered = true;
+        luggage.own.asked = at.peak.is_some() && self.eye.settings.single_scattering.asks_lights();
+        self.ask_glows(vertex, luggage);
+        if !luggage.own.asked {
+            self.ask_light(vertex, luggage, false, Some(&landing), 1);
+        }
 
         // On.
-        luggage.weight *= at.medium.albedo;
-        if !self.outlives(&mut luggage.weight, luggage.own.diffuse, at.inside) {
+        luggage.weight *= at.albedo();
+        if !self.outlives(&mut luggage.weight, true, at.inside) {
             return None;
         }
         let keep = |_: &mut Rgb, _: Rgb, _: &mut Stream| true;
@@ -645,6 +680,7 @@ radiance = 1
                 mode,
                 max_events: Events::unlimited(),
                 single_scattering: SingleScattering::Photons,
+                peaks: &[],
                 marchers: None,
                 caustics: None,
                 visibility: None,

@@ -6,16 +6,16 @@ use crate::scene::Inside;
 use crate::surface::Lobe;
 use crate::transport::{Interaction, Luggage};
 
-/// Eye paths that carry less than this of a pixel's light are thinned by roulette where photons are gathered; it is also
+/// Eye paths that something has spread and that carry less than this of a pixel's light are thinned by roulette where photons are gathered; it is also
 /// the least that splits at rough boundaries.
 const FAINT: f64 = 0.25;
 
-/// Before the first diffuse surface, paths that carry less than this are thinned. A path that goes on through stone gathers
+/// Before anything has spread them, paths that carry less than this are thinned. A path that goes on through stone gathers
 /// nearly as much behind the first petal as in it: with [`FAINT`], roulette there was two thirds of the squared error of a
 /// rose of marble.
 const FAINT_SPECULAR: f64 = 0.1;
 
-/// Before the first diffuse surface, and where nothing scatters, paths that carry less than this are thinned: a ray through
+/// Before anything has spread them, and where nothing scatters, paths that carry less than this are thinned: a ray through
 /// clear glass costs little, and what is left to chance there may be a lamp, hundreds of times brighter than what is
 /// around it.
 const FAINT_CLEAR: f64 = 0.002;
@@ -30,7 +30,7 @@ const FAINT_PATH: f64 = 0.15;
 /// error, and the mirror image of a lamp in milk and glass was still speckled at a hundredth.
 const LESSER: f64 = 0.002;
 
-/// At rough boundaries, and behind diffuse surfaces, a path both reflects and refracts at its first events: so many at most.
+/// At rough boundaries, and behind diffuse surfaces or where a medium scattered it, a path both reflects and refracts at its first events: so many at most.
 const SPLITS: u64 = 3;
 
 /// How much of a pixel's light a path of this weight carries in a medium of this index, at most: radiance is larger there by
@@ -50,7 +50,7 @@ impl Looking<'_, '_, '_> {
         let boundary = at.bsdf.boundary(&at.incidence)?;
         let (weight, from) = (luggage.weight, boundary.from);
         match boundary.reflected {
-            Some(reflected) if !luggage.own.diffuse => {
+            Some(reflected) if !luggage.own.is_spread() => {
                 let [back, through] = [reflected, Rgb::ONE - reflected].map(|part| matters(weight * part, from));
                 let lesser = if back < through { Lobe::Reflected } else { Lobe::Refracted };
                 (back.min(through) > LESSER).then_some(lesser)
@@ -62,7 +62,7 @@ impl Looking<'_, '_, '_> {
     /// Whether a path follows what a smooth coat or a sheet mirrors apart from what the base sends or the sheet lets pass, which is the lobe
     /// that is left then. The mirror's part was rarely drawn, and counted many times over.
     pub(super) fn splits_coat(&self, luggage: &Luggage<Path>, at: &Interaction) -> Option<Lobe> {
-        if !self.eye.has_photons() || luggage.own.diffuse {
+        if !self.eye.has_photons() || luggage.own.is_spread() {
             return None;
         }
         let (_, factor) = at.bsdf.mirrored(&at.incidence)?;
@@ -70,11 +70,11 @@ impl Looking<'_, '_, '_> {
     }
 
     /// Roulette for paths that matter little: survivors carry the weight of the others.
-    pub(super) fn outlives(&mut self, weight: &mut Rgb, diffuse: bool, inside: &Inside) -> bool {
+    pub(super) fn outlives(&mut self, weight: &mut Rgb, spread: bool, inside: &Inside) -> bool {
         let scene = self.eye.scene;
         let chance = if self.eye.has_photons() {
             let gathers = || scene.medium(inside).is_some_and(|medium| scene.media[medium as usize].scatters());
-            let faint = match diffuse {
+            let faint = match spread {
                 true => FAINT,
                 false if gathers() => FAINT_SPECULAR,
                 false => FAINT_CLEAR,

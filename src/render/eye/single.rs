@@ -5,6 +5,7 @@ use super::{Context, Looking, Path, Sample};
 use crate::gather::march::Marcher;
 use crate::math::{Rgb, Stream, shares};
 use crate::medium::Medium;
+use crate::medium::phase::Peak;
 use crate::transport::{self, Collision, Flight, Landing, Luggage, Parts, Segment};
 
 impl Looking<'_, '_, '_> {
@@ -12,7 +13,7 @@ impl Looking<'_, '_, '_> {
     pub(super) fn trace_single(&mut self, segment: &Segment<'_>, medium: &Medium, luggage: &Luggage<Path>) {
         let mut flight = Flight::new(segment, medium, luggage.weight);
         let by_flight = |t| flight.certain(medium).flight_density(medium, t);
-        self.light_equiangularly(segment, &flight, luggage, by_flight);
+        self.light_equiangularly((segment, None), &flight, luggage, by_flight);
 
         // A collision in proportion to what arrives from there, and light asked for at it.
         let (ray, range, weight) = (segment.ray, (segment.a, segment.b), luggage.weight);
@@ -20,7 +21,7 @@ impl Looking<'_, '_, '_> {
         let Some((t, weight)) = forced.collision else { return };
         flight.chance = forced.chance;
         let landing = Landing::new(flight, medium, t);
-        self.light_once(&collision(segment, medium, t), luggage.scattered(weight), landing);
+        self.light_once(&collision((segment, medium), None, t), luggage.scattered(weight), landing);
     }
 
     /// At every place of a march from `a` to `b`.
@@ -38,14 +39,14 @@ impl Looking<'_, '_, '_> {
             let passed = medium.transmittance(medium.density.depth(ray, segment.a, t));
             marcher.places(medium, (shares(weight) * passed).element_sum()).max(f64::MIN_POSITIVE)
         };
-        self.light_equiangularly(segment, &flight, luggage, places);
+        self.light_equiangularly((segment, None), &flight, luggage, places);
 
         // What the places' own light needs of the context is lent to the march.
         let mut march = std::mem::take(&mut self.context.queue.marching.march);
         let (eye, context) = (self.eye, &mut *self.context);
         let mut stream = context.stream.clone();
         let mut source = |t: f64, stream: &mut Stream| {
-            let at = collision(segment, medium, t);
+            let at = collision((segment, medium), None, t);
             let landing = Landing { flight: flight.clone(), t, density: places(t) };
             let mut sample = Sample::default();
             let weight = medium.extinction * medium.density.at(at.point);
@@ -71,8 +72,12 @@ impl Looking<'_, '_, '_> {
     }
 }
 
-/// A collision on a segment.
-fn collision<'w>(segment: &'w Segment<'_>, medium: &'w Medium, t: f64) -> Collision<'w> {
+/// A collision on a segment, by a part of its medium's phase function.
+pub(super) fn collision<'w>(
+    (segment, medium): (&'w Segment<'_>, &'w Medium),
+    peak: Option<&'w Peak>,
+    t: f64,
+) -> Collision<'w> {
     Collision {
         point: segment.ray.at(t),
         direction: segment.ray.direction,
@@ -81,6 +86,7 @@ fn collision<'w>(segment: &'w Segment<'_>, medium: &'w Medium, t: f64) -> Collis
         index: segment.medium,
         inside: segment.inside,
         clearance: 0.0,
+        peak,
     }
 }
 

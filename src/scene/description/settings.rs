@@ -217,6 +217,20 @@ pub struct Volume {
     pub march: Option<March>,
     /// Where light comes from that is scattered once.
     pub single_scattering: SingleScattering,
+    /// Who finds light in the peaks of phase functions.
+    pub peaks: Peaks,
+}
+
+/// Who finds light that a medium hardly turns, in the peak of a phase function that has a high one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Peaks {
+    /// Paths or photons, chosen from the scene.
+    Auto,
+    /// Paths that go on from collisions.
+    Paths,
+    /// Photons, like all other.
+    Photons,
 }
 
 /// What is gathered along a ray.
