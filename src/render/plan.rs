@@ -430,11 +430,14 @@ fn extent_of_media(scene: &Scene) -> f64 {
     bounds.diagonal()
 }
 
-/// The box around a medium; infinite if that fills the world and has no end.
+/// The box around a medium, as far as it is near, if it is anywhere; infinite if that fills the world and has no end.
 pub(super) fn bounds_of_medium(scene: &Scene, medium: u32) -> Bounds {
     let support = scene.media[medium as usize].density.support();
-    let near = scene.solids.iter().filter(|solid| scene.is_near(solid.shape));
-    let solids = near.filter(|solid| solid.medium == Some(medium));
+    let holds = |near: bool| {
+        let all = scene.solids.iter().filter(move |solid| solid.medium == Some(medium));
+        all.filter(move |solid| !near || scene.is_near(solid.shape))
+    };
+    let solids = holds(holds(true).next().is_some());
     let world = (scene.world == Some(medium)).then_some(support);
     let boxes = solids.map(|solid| scene.geometry.bounds(solid.shape).intersection(support)).chain(world);
     boxes.fold(Bounds::EMPTY, |all, next| all.union(next))

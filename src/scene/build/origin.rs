@@ -4,9 +4,9 @@ use super::super::description::{Description, LightKind, Place};
 use crate::Result;
 use crate::math::{Bounds, DVec3};
 
-/// Where the middle of the scene is more than so many times as far from the camera as half of its parts are, a few of them lie far
-/// beyond all others.
-const FAR: f64 = 30.0;
+/// Where the middle of the scene is more than so many times as far from the camera as more than half of its parts are, a few of them
+/// lie far beyond all others.
+const FAR: f64 = 1e4;
 /// Of the scene's extent, a part with a smaller share of it has no digits left.
 const DIGITS: f64 = 1e-15;
 
@@ -46,14 +46,22 @@ impl Origin {
             LightKind::Profile { position, .. } => Some(position),
             _ => None,
         });
-        let places = shapes.iter().map(|(_, bounds)| bounds.center()).chain(lights);
-        let mut distances: Vec<f64> = places.map(|place| place.distance(camera)).collect();
+        // How far the camera can see in what is around it.
+        let distance = |bounds: &Bounds| {
+            if bounds.contains(camera) {
+                0.5 * bounds.diagonal()
+            } else {
+                camera.clamp(bounds.min, bounds.max).distance(camera)
+            }
+        };
+        let to_shapes = shapes.iter().map(|(_, bounds)| distance(bounds));
+        let mut distances: Vec<f64> = to_shapes.chain(lights.map(|place| place.distance(camera))).collect();
         let center = all.center();
         if distances.is_empty() {
             return Ok(Origin { center, near: f64::INFINITY });
         }
-        let half = (distances.len() - 1) / 2;
-        let near = FAR * *distances.select_nth_unstable_by(half, f64::total_cmp).1;
+        let middle = distances.len() / 2;
+        let near = FAR * *distances.select_nth_unstable_by(middle, f64::total_cmp).1;
         if center.distance(camera) <= near {
             return Ok(Origin { center, near: f64::INFINITY });
         }
