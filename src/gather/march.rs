@@ -269,7 +269,7 @@ impl Marcher {
         match self.stepping {
             Stepping::Random => {
                 // The mean of the longer one of a free path and the smallest step.
-                let rate = medium.extinction.max_element() * medium.density.max();
+                let rate = medium.max_extinction();
                 rate / (self.size * rate + (-self.size * rate).exp())
             }
             Stepping::Uniform | Stepping::Adaptive { .. } => 1.0 / self.size,

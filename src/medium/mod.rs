@@ -58,6 +58,11 @@ impl Medium {
         (self.extinction * self.albedo).max_element() > 0.0 && self.density.max() > 0.0
     }
 
+    /// Its largest channel's extinction where it is densest.
+    pub fn max_extinction(&self) -> f64 {
+        self.extinction.max_element() * self.density.max()
+    }
+
     /// About how dense it is, if it scatters and is made of voxels.
     pub fn uneven(&self) -> Option<&Coarse> {
         self.density.voxels().filter(|_| self.scatters()).and_then(Grid::coarse)

@@ -301,12 +301,15 @@ impl<'s> Sources<'s> {
 
     /// Draws sources anew in the shares that leave the least noise in what is seen, given photons that are of use there, of the shares
     /// as they are: the variance that one leaves is its sum of squared powers there, and falls with its share. The light is the same.
-    pub(super) fn weigh(&mut self, useful: &[Useful]) {
+    /// And aims anew, as they were aimed: see [`Self::learn`].
+    pub(super) fn favour(&mut self, useful: &[Useful]) {
         let mut squared = vec![0.0; self.sources.len()];
         for useful in useful {
             squared[useful.origin.0 as usize] += useful.squared;
         }
         self.share_out(|index, share| (share * squared[index]).sqrt());
+        let aimed = |useful: &Useful| Some((useful.origin.1?, useful.power));
+        self.learn(&useful.iter().filter_map(aimed).collect::<Vec<_>>());
     }
 
     /// Draws sources anew in proportion to what `wanted` says of their numbers and shares, but for [`BY_POWER`].

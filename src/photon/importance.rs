@@ -146,11 +146,6 @@ pub(super) struct Useful {
     pub squared: f64,
 }
 
-/// Of those that were aimed, at what, and their power with what that is worth.
-pub(super) fn aimed(useful: &[Useful]) -> Vec<(Aim, f64)> {
-    useful.iter().filter_map(|useful| Some((useful.origin.1?, useful.power))).collect()
-}
-
 /// An importon, or a photon.
 #[derive(Clone, Copy)]
 struct Marker {

@@ -48,3 +48,4 @@ pub use shadows::{ShadowPass, ShadowPhoton, Shadows, Sight, served_lights, trace
 pub use store::{PackedNormal, Photon};
 pub use surfaces::{Kind, Landed, SurfacePass, may_land, trace_surfaces};
 pub use tracer::Pass;
+pub(crate) use tracer::in_chunks;

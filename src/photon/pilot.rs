@@ -18,7 +18,7 @@
 
 use super::Photon;
 use super::budget;
-use super::importance::{Importance, Useful, aimed};
+use super::importance::{Importance, Useful};
 use super::tracer::{Chunk, Entry, Tracer};
 use crate::math::random::Purpose;
 
@@ -134,8 +134,7 @@ pub(super) fn prepare(tracer: &mut Tracer<'_>, stop: &(impl Fn() -> bool + Sync)
         if let Some(importance) = places(&bare).filter(|_| aims) {
             let origins = bare.iter().flat_map(|chunk| &chunk.origins);
             let useful: Vec<Useful> = importance.useful(photons(&bare).zip(origins.copied())).collect();
-            tracer.sources.weigh(&useful);
-            tracer.sources.learn(&aimed(&useful));
+            tracer.sources.favour(&useful);
         }
         tracer.quota.importance = places(&pilot(tracer));
         tracer.quota.notes = false;

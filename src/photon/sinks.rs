@@ -145,7 +145,13 @@ impl VolumeSink {
         let mut stored = quota.wants(history) && power.max_element() > 0.0;
         let mut clearance = None;
         match quota.deep[at.index as usize] {
-            None => stored = stored && (keep >= 1.0 || stream.uniform() < keep),
+            None => {
+                if let Some(importance) = quota.importance.as_ref().filter(|_| stored) {
+                    keep *= importance.keep(at.point.as_vec3());
+                }
+                stored = stored && (keep >= 1.0 || stream.uniform() < keep);
+            }
+            // Deep down, transmittance tells what counts.
             Some(extinction) => {
                 // To ask for the surface takes longer than all else: not for photons that would not be kept anyway,
                 // and for the sake of the walk only where it may be far.
@@ -162,13 +168,6 @@ impl VolumeSink {
                 }
                 clearance = Some(clear);
             }
-        }
-        // Deep down, transmittance has told already.
-        let importance = quota.importance.as_ref().filter(|_| quota.deep[at.index as usize].is_none());
-        if stored && let Some(importance) = importance {
-            let share = importance.keep(at.point.as_vec3());
-            keep *= share;
-            stored = stream.uniform() < share;
         }
         if stored {
             let photon = Photon {

@@ -12,7 +12,7 @@ use super::budget::{self, Bill, Budget};
 use super::control::{Filled, RICHER, Tagged, hand_over};
 use super::emission::{Emission, Sources, Start};
 use super::history::History;
-use super::importance::{Importance, Importon, Origin, Useful, aimed};
+use super::importance::{Importance, Importon, Origin, Useful};
 use super::tracer::in_chunks;
 use super::{PackedNormal, Photon};
 use crate::Result;
@@ -53,6 +53,8 @@ pub struct SurfacePass<'a> {
     pub max_events: Events,
     /// Whether photons are of no use where surfaces send hardly any light to one another.
     pub needs_exchange: bool,
+    /// Whether some of those that were scattered before are told apart.
+    pub tells_scattered: bool,
     /// Where they count in the picture, if they are drawn and kept by that.
     pub importons: Option<&'a [Importon]>,
     /// Whether more photons are traced, and hand their power to neighbours where they lie closest; and whether only to those of as many
@@ -69,7 +71,7 @@ pub struct Landed {
     pub emitted: u64,
     /// Whether there are none, as surfaces send hardly any light to one another, though media send light to them.
     pub from_media_only: bool,
-    /// Some of those traced that were scattered before: they tell where light comes from.
+    /// Some of those traced that were scattered before, if that was asked for: they tell where light comes from.
     pub scattered: Vec<Photon>,
     /// Which of those traced were,
     scattered_ones: Vec<u32>,
@@ -203,8 +205,7 @@ pub fn trace_surfaces(
         if let Some(importance) = places(&found).filter(|_| pass.emission.aims && tracer.sources.have_choices()) {
             let origins = found.origins.iter().map(|&(origin, _)| origin);
             let useful: Vec<Useful> = importance.useful(found.photons.iter().zip(origins)).collect();
-            tracer.sources.weigh(&useful);
-            tracer.sources.learn(&aimed(&useful));
+            tracer.sources.favour(&useful);
             found = pilot(&tracer);
         }
         tracer.importance = places(&found);
@@ -248,8 +249,10 @@ pub fn trace_surfaces(
     budget.settle()?;
     let scale = (1.0 / landed.emitted.max(1) as f64) as f32;
     landed.photons.par_iter_mut().for_each(|photon| photon.power *= scale);
-    let photon = |index: &u32| landed.photons[*index as usize];
-    landed.scattered = landed.scattered_ones.iter().step_by(ONE_IN).map(photon).collect();
+    if pass.tells_scattered {
+        let photon = |index: &u32| landed.photons[*index as usize];
+        landed.scattered = landed.scattered_ones.iter().step_by(ONE_IN).map(photon).collect();
+    }
     if let Some(tagged) = pass.control {
         landed.photons = hand_over(landed.photons, pass.target, Filled::Surfaces, tagged);
     }
@@ -431,7 +434,7 @@ impl Landing<'_, '_> {
         if let Some(importance) = &self.tracer.importance {
             share *= importance.keep(at.point.as_vec3());
         }
-        if self.tracer.importance.is_some() || share < 1.0 {
+        if share < 1.0 {
             if self.stream.uniform() >= share {
                 return;
             }
@@ -478,6 +481,7 @@ mod tests {
             emission,
             max_events,
             needs_exchange: false,
+            tells_scattered: false,
             importons: None,
             control: None,
         };

@@ -112,7 +112,7 @@ pub(super) struct Chunk {
 
 /// Traces a range of emissions in parallel, a chunk at a time, in their order: `emit` adds one to its chunk, with room that it may
 /// use; `end` is told when a chunk is done, and how many emissions it is of. Chunks that `stop` ends are left empty.
-pub(super) fn in_chunks<C: Default + Send, R: Default>(
+pub(crate) fn in_chunks<C: Default + Send, R: Default>(
     range: Range<u64>,
     stop: &(impl Fn() -> bool + Sync),
     emit: impl Fn(u64, &mut C, &mut R) + Sync,

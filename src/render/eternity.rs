@@ -155,7 +155,7 @@ impl Pilot<'_> {
 
         // Closed places.
         let thin = |medium: &Medium| {
-            let depth = medium.extinction.max_element() * medium.density.max() * bounds.diagonal();
+            let depth = medium.max_extinction() * bounds.diagonal();
             Medium { extinction: medium.extinction * (THIN / depth).min(1.0), ..medium.clone() }
         };
         let media: Vec<Medium> = if given_up.is_empty() { Vec::new() } else { scene.media.iter().map(thin).collect() };

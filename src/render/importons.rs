@@ -2,12 +2,10 @@
 
 use std::ops::ControlFlow;
 
-use rayon::prelude::*;
-
-use super::camera::Camera;
+use super::pilot::Pilot;
 use crate::math::random::Purpose;
 use crate::math::{DVec3, Rgb, Stream};
-use crate::photon::{Importon, Importons};
+use crate::photon::{Importon, Importons, in_chunks};
 use crate::scene::Scene;
 use crate::scene::description::Indirect;
 use crate::surface::{Nature, Side};
@@ -15,29 +13,21 @@ use crate::transport::{Heading, Luggage, Part, Parts, Segment, Traveller, Vertex
 
 /// Paths that are traced: where a thousandth of the picture's light is looked for, thirty tell it.
 const PATHS: u64 = 1 << 15;
-/// Paths that one task traces.
-const CHUNK: u64 = 1 << 10;
 /// Mirrored and refracted ones end after so many events.
 const MOST_EVENTS: u64 = 64;
 
 /// Traces importons from all of the film: to the first surface that spreads light, and, where light is gathered there, to the next.
-pub(super) fn trace(scene: &Scene, camera: &Camera, seed: u64, indirect: Indirect) -> Importons {
-    let chunk = |chunk: u64| {
-        let mut found = Importons::default();
-        for path in chunk * CHUNK..(chunk + 1) * CHUNK {
-            let mut stream = Stream::new(seed, Purpose::Importon, path, 0);
-            let [x, y] = stream.uniform2();
-            let (width, height) = camera.size();
-            let ray = camera.ray((x * f64::from(width)) as u32, (y * f64::from(height)) as u32, &mut stream);
-            let walk = Walk::start(scene, ray, scene.inside(ray.origin));
-            let start = Part { walk, luggage: Luggage::new(Rgb::ONE, Spread::Not), collision: None };
-            travel(&mut Looking { scene, stream: &mut stream, indirect, found: &mut found }, start, &mut Parts::new());
-        }
-        found
+pub(super) fn trace<'s>(pilot: &Pilot<'s>, indirect: Indirect) -> Importons {
+    let scene = pilot.scene;
+    let emit = |path, found: &mut Importons, parts: &mut Parts<'s, Spread>| {
+        let mut stream = Stream::new(pilot.seed, Purpose::Importon, path, 0);
+        let ray = pilot.ray(&mut stream);
+        let walk = Walk::start(scene, ray, scene.inside(ray.origin));
+        let start = Part { walk, luggage: Luggage::new(Rgb::ONE, Spread::Not), collision: None };
+        travel(&mut Looking { scene, stream: &mut stream, indirect, found }, start, parts);
     };
-    let chunks: Vec<Importons> = (0..PATHS / CHUNK).into_par_iter().map(chunk).collect();
     let mut all = Importons::default();
-    for chunk in chunks {
+    for chunk in in_chunks(0..PATHS, &|| false, emit, |_, _| {}) {
         all.media.extend(chunk.media);
         all.caustic.extend(chunk.caustic);
         all.global.extend(chunk.global);

@@ -155,6 +155,7 @@ fn landed(
         max_events: plan.max_events,
         // Where surfaces send nothing to one another, there is nothing to gather.
         needs_exchange: kind == Kind::Global && plan.indirect == Indirect::FinalGather,
+        tells_scattered: kind == Kind::Global && plan.global.flux,
         importons: plan.importons.as_ref().map(|importons| match kind {
             Kind::Caustic => importons.caustic.as_slice(),
             Kind::Global => importons.global.as_slice(),

@@ -35,5 +35,5 @@ pub(super) fn of_media(scene: &Scene, volume: &Volume) -> Vec<Option<Peak>> {
 /// Mean free paths across a medium where it is densest.
 fn thickness(scene: &Scene, index: u32) -> f64 {
     let (medium, bounds) = (&scene.media[index as usize], bounds_of_medium(scene, index));
-    medium.extinction.max_element() * medium.density.max() * bounds.diagonal()
+    medium.max_extinction() * bounds.diagonal()
 }

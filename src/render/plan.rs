@@ -281,7 +281,7 @@ impl Plan {
             max_emitted: settings.photons.max_emitted,
             emission: Emission { aims: settings.photons.projection, by: settings.photons.emission },
             importons: (render.method == Method::Photon && settings.photons.importance)
-                .then(|| Arc::new(importons::trace(scene, camera, render.seed, surface.indirect))),
+                .then(|| Arc::new(importons::trace(&pilot, surface.indirect))),
             density_control: settings.photons.density_control,
             radius,
             points: None,
@@ -349,7 +349,7 @@ fn marchers(scene: &Scene, volume: &Volume, extent: f64) -> Vec<Marcher> {
     // Short against the scene, and in dense media against half a mean free path.
     let longest = extent / STEPS;
     let size = |medium: &Medium| {
-        let path = 0.5 / (medium.extinction.max_element() * medium.density.max());
+        let path = 0.5 / medium.max_extinction();
         march.size.unwrap_or(path.clamp(SHORTEST_STEP * longest, longest))
     };
     scene.media.iter().map(|medium| Marcher { stepping, size: size(medium) }).collect()
@@ -413,7 +413,7 @@ fn is_dense(scene: &Scene) -> bool {
     let thickness = |medium: u32, shape: u32| {
         let medium = &scene.media[medium as usize];
         let extent = scene.geometry.bounds(shape).intersection(medium.density.support()).diagonal();
-        medium.extinction.max_element() * medium.density.max() * extent
+        medium.max_extinction() * extent
     };
     let mut solids = scene.solids.iter().filter_map(|solid| Some((scatters(solid.medium)?, solid.shape))).peekable();
     scatters(scene.world).is_none() && solids.peek().is_some() && solids.all(|(m, shape)| thickness(m, shape) > THICK)

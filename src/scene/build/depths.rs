@@ -19,7 +19,7 @@ pub(super) fn refuse_endless(scene: &Scene, media: &[said::Medium]) -> Result<()
     for (index, bounds) in inside.chain(around) {
         let medium: &Medium = &scene.media[index as usize];
         let extent = bounds.intersection(medium.density.support()).diagonal();
-        let depth = medium.extinction.max_element() * medium.density.max() * extent;
+        let depth = medium.max_extinction() * extent;
         if depth <= DEEPEST {
             continue;
         }
