@@ -197,6 +197,26 @@ fn no_light_leaks_through_a_sheet() {
     }
 }
 
+/// Where nothing is kept of what gather rays find, the noise of pixels falls as there are more of them: their variance to a sixteenth at least, of
+/// sixty-four, beside which light changes from pixel to pixel.
+#[test]
+fn gather_rays_share_the_noise() {
+    let text = format!(
+        "{FILM}[materials.wall]\ntype = \"lambert\"\nreflectance = 0.7\n[[shapes]]\ntype = \"box\"\nmin = [-2, -1, -1]\nmax = [2, 1, 1]\n\
+         material = \"wall\"\n[[lights]]\ntype = \"point\"\nposition = [-1.5, 0.3, 0]\nintensity = 5\n\
+         [camera]\nposition = [0, 0, 0.9]\ntarget = [0, 0, -1]\nfov = 10\n"
+    );
+    let of = |rays: &str| {
+        let overrides = ["photons.global=20_000", "surface.irradiance_cache=false", "render.samples=2", rays];
+        let image = render(&text, &overrides).film.image();
+        let rows = image.pixels.chunks(image.width);
+        let steps = rows.flat_map(|row| row.windows(2).map(|pair| f64::from(pair[0][0] - pair[1][0]).powi(2)));
+        steps.sum::<f64>() / image.mean().powi(2)
+    };
+    let (one, many) = (of("surface.gather_rays=1"), of("surface.gather_rays=64"));
+    assert!(many * 16.0 < one, "squared steps from pixel to pixel: {many} with 64 rays, {one} with one");
+}
+
 /// Shadow photons spare most shadow rays, and leave the picture as it is: a thousandth of the light is more than they mistake.
 #[test]
 fn shadow_photons_spare_rays() {

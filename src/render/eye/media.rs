@@ -161,7 +161,7 @@ impl<'s> Looking<'_, '_, 's> {
         // What goes on there carries this much: roulette comes before light is asked for.
         let mut carried = part.weight * medium.albedo * peak.share();
         let all = carried.max_element();
-        if all <= 0.0 || !self.outlives(&mut carried, true, segment.inside) {
+        if all <= 0.0 || !self.outlives(&mut carried, (part.own.share, true), segment.inside) {
             return;
         }
         part.weight *= carried.max_element() / all;

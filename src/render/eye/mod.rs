@@ -136,6 +136,8 @@ pub struct Path {
     mirror_glimpsed: bool,
     /// Whether it splits in media.
     splits: bool,
+    /// The share that it is of the paths that went on in one's place, as gather rays do: it carries little, but counts as that one would.
+    share: f64,
     /// Where it turned last.
     turn: Turn,
     /// How far it flies in the medium it enters, where that was drawn before.
@@ -265,6 +267,7 @@ impl<'s> Eye<'s> {
             glimpsed: false,
             mirror_glimpsed: false,
             splits,
+            share: 1.0,
             turn: Turn::Specular,
             drawn: None,
             landing: None,
@@ -302,6 +305,7 @@ impl<'s> Eye<'s> {
             glimpsed: false,
             mirror_glimpsed: false,
             splits: false,
+            share: 1.0,
             turn: Turn::Surface { receiver: vertex.receiver(), density, rays: 1, embers: 1 },
             drawn: None,
             landing: None,
@@ -475,6 +479,7 @@ impl<'s> Looking<'_, '_, 's> {
                     }
                     if !gathers && rays > 1 {
                         luggage.weight /= f64::from(rays);
+                        luggage.own.share /= f64::from(rays);
                         for _ in 1..rays {
                             self.send_apart(at, walk, luggage, parts, coat);
                         }
@@ -532,7 +537,7 @@ impl<'s> Looking<'_, '_, 's> {
             luggage.own.uncast |= !at.caustics.casts;
         }
         let spread = luggage.own.is_spread();
-        let goes_on = self.outlives(&mut luggage.weight, spread, at.around(onward.direction));
+        let goes_on = self.outlives(&mut luggage.weight, (luggage.own.share, spread), at.around(onward.direction));
         goes_on.then_some(Heading { direction: onward.direction, clearance: None })
     }
 
@@ -600,7 +605,7 @@ impl<'s> Looking<'_, '_, 's> {
 
         // On.
         luggage.weight *= at.albedo();
-        if !self.outlives(&mut luggage.weight, true, at.inside) {
+        if !self.outlives(&mut luggage.weight, (luggage.own.share, true), at.inside) {
             return None;
         }
         let keep = |_: &mut Rgb, _: Rgb, _: &mut Stream| true;

@@ -69,8 +69,9 @@ impl Looking<'_, '_, '_> {
         (matters(luggage.weight * factor, Rgb::ONE) > LESSER).then_some(Lobe::Refracted)
     }
 
-    /// Roulette for paths that matter little: survivors carry the weight of the others.
-    pub(super) fn outlives(&mut self, weight: &mut Rgb, spread: bool, inside: &Inside) -> bool {
+    /// Roulette for paths that matter little: survivors carry the weight of the others. Of a path that is a `share` of those in one's place, all
+    /// that they carry counts: else gather rays would end at once, the sooner the more there are.
+    pub(super) fn outlives(&mut self, weight: &mut Rgb, (share, spread): (f64, bool), inside: &Inside) -> bool {
         let scene = self.eye.scene;
         let chance = if self.eye.has_photons() {
             let gathers = || scene.medium(inside).is_some_and(|medium| scene.media[medium as usize].scatters());
@@ -79,9 +80,9 @@ impl Looking<'_, '_, '_> {
                 false if gathers() => FAINT_SPECULAR,
                 false => FAINT_CLEAR,
             };
-            matters(*weight, scene.index(inside)) / faint
+            matters(*weight / share, scene.index(inside)) / faint
         } else {
-            weight.max_element() / FAINT_PATH
+            weight.max_element() / (FAINT_PATH * share)
         };
         if chance >= 1.0 {
             return true;

@@ -104,13 +104,17 @@ impl<'a> Materials<'a> {
         Ok(all)
     }
 
-    /// Whether a material reflects, and is made of nothing else.
-    fn is_reflector(&self, item: &Item) -> bool {
-        let named = match &item.node.value {
+    /// The material that an item is, or names, if there is one of that name.
+    fn meant<'b>(&'b self, item: &'b Item<'a>) -> Option<&'b Item<'a>> {
+        match &item.node.value {
             Value::String(name) => self.items.iter().find(|(known, _)| known == name).map(|(_, item)| item),
             _ => Some(item),
-        };
-        named.is_some_and(|item| {
+        }
+    }
+
+    /// Whether a material reflects, and is made of nothing else.
+    fn is_reflector(&self, item: &Item<'a>) -> bool {
+        self.meant(item).is_some_and(|item| {
             let kind = item.peek("type");
             let others = ["layer", "normal_map", "bump"].iter().any(|key| item.peek(key).is_some());
             !others && matches!(kind, Some(Value::String(kind)) if REFLECTORS.iter().any(|(name, _)| name == kind))
@@ -118,7 +122,7 @@ impl<'a> Materials<'a> {
     }
 
     /// One part of a mixture, of whatever kind: its index.
-    fn part(&self, item: &Item) -> Read<u32> {
+    fn part(&self, item: &Item<'a>) -> Read<u32> {
         let part = if item.is_table() {
             material(item.place().key(), item, self)?
         } else {
@@ -129,9 +133,14 @@ impl<'a> Materials<'a> {
             let (kind, place) = (surface::Material::None, item.place());
             Material { name: NONE.to_owned(), kind, textures: Vec::new(), relief: None, place }
         };
+        Ok(self.add(part))
+    }
+
+    /// Adds a part that has no name. Returns its index.
+    fn add(&self, part: Material) -> u32 {
         let mut unnamed = self.unnamed.borrow_mut();
         unnamed.push(part);
-        Ok((self.items.len() + unnamed.len() - 1) as u32)
+        (self.items.len() + unnamed.len() - 1) as u32
     }
 }
 
@@ -139,8 +148,11 @@ impl<'a> Materials<'a> {
 struct Reading<'a> {
     all: &'a Materials<'a>,
     constituent: Constituent,
-    textures: RefCell<Vec<(Slot, Located<Texture>)>>,
+    textures: RefCell<Textures>,
 }
+
+/// What takes the place of constants.
+type Textures = Vec<(Slot, Located<Texture>)>;
 
 /// Stands for a constant that a texture takes the place of.
 const ANY: f64 = 0.5;
@@ -173,11 +185,10 @@ impl Reading<'_> {
     }
 
     /// What a coat covers, or one part of a mixture: a material of its own, or the name of one.
-    fn part(&self, table: &Table, key: &'static str, constituent: Constituent) -> Read<Reflector> {
-        let item = table.require(key, |item| Ok(item.clone()))?;
+    fn part(&self, item: &Item, constituent: Constituent) -> Read<Reflector> {
         let part = Reading { constituent, ..Reading::new(self.all) };
         let reflector = if item.is_table() {
-            part.reflector(&item)
+            part.reflector(item)
         } else {
             let name = item.string()?;
             match self.all.items.iter().find(|(known, _)| *known == name) {
@@ -196,15 +207,18 @@ impl Reading<'_> {
         let table = item.table()?;
         let read = table.require("type", |item| item.choice(&REFLECTORS, &[]))?;
         let reflector = read(self, &table);
-        for key in ["normal_map", "bump"] {
-            table.get(key, |item| -> Read<()> {
-                Err(item
-                    .fail("a base or a part of a mixture has no relief of its own; expected it on what is made of it"))
-            })?;
-        }
+        no_relief(&table)?;
         table.finish()?;
         reflector
     }
+}
+
+/// Refuses what turns the normal of a part.
+fn no_relief(table: &Table) -> Read<()> {
+    let refused = |item: &Item| -> Read<()> {
+        Err(item.fail("a base or a part of a mixture has no relief of its own; expected it on what is made of it"))
+    };
+    ["normal_map", "bump"].iter().try_for_each(|&key| table.get(key, refused).map(|_| ()))
 }
 
 type ReadReflector = fn(&Reading, &Table) -> Read<Reflector>;
@@ -378,11 +392,56 @@ fn thin_dielectric(_: &Reading, table: &Table) -> Read<surface::Material> {
 }
 
 fn coated(reading: &Reading, table: &Table) -> Read<surface::Material> {
-    let base = reading.part(table, "base", Constituent::First);
+    let base = table.require("base", |item| Ok(item.clone()));
     let index = table.get_or("ior", 1.5, Item::positive);
     let roughness = reading.number(table, "roughness", Parameter::Roughness, 0.0);
     let coat = Coat::Dielectric(Varnish::new(index?, roughness?));
-    Ok(Bsdf::Coated(Coated { base: base?, coat }).into())
+    let (kind, textures) = coated_with(reading.all, (coat, &reading.textures.take()), &base?, (table.place(), 1))?;
+    *reading.textures.borrow_mut() = textures;
+    Ok(kind)
+}
+
+/// A base under a coat, with the textures of both; said in a place, so deep in mixtures. A mixture is patches of its parts, wider than the coat
+/// is thick: a coat over it is a coat over each of them, and where the mixture has holes, so has the coat.
+fn coated_with<'a>(
+    all: &Materials<'a>,
+    (coat, on_coat): (Coat, &Textures),
+    base: &Item<'a>,
+    (place, depth): (Place, usize),
+) -> Read<(surface::Material, Textures)> {
+    let reading = Reading::new(all);
+    let mixed = all.meant(base).filter(|item| matches!(item.peek("type"), Some(Value::String(kind)) if kind == "mix"));
+    let Some(mixed) = mixed else {
+        let base = reading.part(base, Constituent::First)?;
+        let textures = on_coat.iter().cloned().chain(reading.textures.into_inner()).collect();
+        return Ok((Bsdf::Coated(Coated { base, coat }).into(), textures));
+    };
+    if depth > DEEPEST {
+        return Err(base.fail(format!("mixtures of mixtures are deeper here than {DEEPEST}")));
+    }
+    let table = mixed.table()?;
+    table.require("type", |_| Ok(()))?;
+    let weight = reading.number(&table, "weight", Parameter::Weight, 0.5);
+    let item = |key| table.require(key, |item| Ok(item.clone()));
+    let (a, b) = (item("a"), item("b"));
+    no_relief(&table)?;
+    table.finish()?;
+    let (a, b) = (a?, b?);
+    let is_hole = |item: &Item| match &item.node.value {
+        Value::String(name) => name == NONE,
+        _ => matches!(item.peek("type"), Some(Value::String(kind)) if kind == NONE),
+    };
+    let part = |item: &Item<'a>| {
+        if is_hole(item) {
+            return all.part(item);
+        }
+        let (kind, textures) = coated_with(all, (coat, on_coat), item, (item.place(), depth + 1))?;
+        Ok(all.add(Material { name: item.place().key().to_owned(), kind, textures, relief: None, place: item.place() }))
+    };
+    let parts = (part(&a), part(&b));
+    all.mixtures.borrow_mut().push((place, [a.place(), b.place()]));
+    let mixture = Mixture { a: parts.0?, b: parts.1?, weight: weight?, has_holes: false, has_sheets: false };
+    Ok((surface::Material::Mixture(mixture), reading.textures.into_inner()))
 }
 
 fn mix(reading: &Reading, table: &Table) -> Read<surface::Material> {
@@ -397,7 +456,6 @@ fn mix(reading: &Reading, table: &Table) -> Read<surface::Material> {
         let mixture = Mixture { a: parts.0?, b: parts.1?, weight: weight?, has_holes: false, has_sheets: false };
         return Ok(surface::Material::Mixture(mixture));
     }
-    let a = reading.part(table, "a", Constituent::First);
-    let b = reading.part(table, "b", Constituent::Second);
+    let (a, b) = (reading.part(&a, Constituent::First), reading.part(&b, Constituent::Second));
     Ok(Bsdf::Mix(Mix { a: a?, b: b?, weight: weight? }).into())
 }
