@@ -249,6 +249,38 @@ fn many_masks_pass_the_product() {
     assert!((furnace.mean[0] - 1.0).abs() < 4.0 * furnace.standard_error[0] + 1e-6, "{furnace:?}");
 }
 
+/// A coat over a mixture is the mixture of its parts under that coat, to the bit: with holes in it, textures of both, and a mixture inside.
+#[test]
+fn a_coat_covers_each_part_of_a_mixture() {
+    let coat = "ior = 1.7\nroughness = { texture = \"checker\", a = 0.05, b = 0.4, scale = 3, space = \"object\" }\n";
+    let (over, inner, parts) = (
+        format!("[materials.top]\ntype = \"coated\"\nbase = \"wood\"\n{coat}"),
+        ["\"gold\"", "{ type = \"mirror\", reflectance = 0.8 }"],
+        |base: &str, name: &str| format!("[materials.{name}]\ntype = \"coated\"\nbase = {base}\n{coat}"),
+    );
+    let mix = |name: &str, a: &str, b: &str, weight: &str| {
+        format!("[materials.{name}]\ntype = \"mix\"\na = {a}\nb = {b}\nweight = {weight}\n")
+    };
+    let checker = "{ texture = \"checker\", a = 0, b = 0.8, scale = 4, space = \"object\" }";
+    let coated = over + &mix("wood", "\"none\"", "\"inlay\"", checker) + &mix("inlay", inner[0], inner[1], "0.3");
+    let mixed = mix("top", "\"none\"", "\"inlay\"", checker)
+        + &mix("inlay", "\"first\"", "\"second\"", "0.3")
+        + &parts(inner[0], "first")
+        + &parts(inner[1], "second");
+    let of = |materials: &str| {
+        let text = format!(
+            "[film]\nwidth = 12\nheight = 12\n[camera]\nposition = [0, 1, 4]\ntarget = [0, 0.3, 0]\nfov = 40\n\
+             [materials.gold]\ntype = \"conductor\"\nmetal = \"Au\"\nroughness = 0.2\n{materials}\
+             [[shapes]]\ntype = \"sphere\"\ncenter = [0, 0.3, 0]\nradius = 0.7\nmaterial = \"top\"\n\
+             [[lights]]\ntype = \"environment\"\nradiance = [0.3, 0.2, 0.1]\n\
+             [[lights]]\ntype = \"point\"\nposition = [2, 3, 2]\npower = 60\n"
+        );
+        images(1, &text, &["render.samples=4", "photons.caustic=2_000", "photons.global=2_000"]).remove(0).pixels
+    };
+    let (coated, mixed) = (of(&coated), of(&mixed));
+    assert!(coated == mixed && coated.iter().flatten().any(|value| *value > 0.0));
+}
+
 /// A ball of fog in the light that a polished floor mirrors: photons that are aimed at the ball from the floor's diffuse base leave
 /// that light to others.
 #[test]

@@ -611,6 +611,16 @@ const MISTAKES: &[(&str, &str, &str)] = &[
         "materials.a.base.layer",
         "has one layer; expected no second one",
     ),
+    (
+        "[materials.a]\ntype = \"coated\"\nbase = { type = \"mix\", a = \"none\", b = { type = ‸\"dielectric\" } }\n",
+        "materials.a.base.b.type",
+        "found \"dielectric\"",
+    ),
+    (
+        "[materials.b]\ntype = \"coated\"\nbase = \"a\"\n[materials.a]\ntype = \"mix\"\na = \"none\"\nb = ‸\"a\"\n",
+        "materials.a.b",
+        "mixtures of mixtures are deeper here than 8",
+    ),
     ("[materials.a]\ntype = \"mix\"\na = \"none\"\nb = ‸\"a\"\n", "materials.a.b", "\"a\" is made of itself"),
     (
         "[materials.a]\ntype = \"mix\"\na = \"none\"\nb = { type = \"mix\", a = \"none\", b = ‸\"a\" }\n",
