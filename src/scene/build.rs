@@ -21,7 +21,7 @@ use crate::geometry::{Cuboid, Cylinder, Disk, Geometry, Lathe, Mesh, Placed, Qua
 use crate::light::{Area, Directivity, Emitters, Light, Profile, Sides, Surroundings};
 use crate::math::{Bounds, DAffine3, DVec3, Rgb};
 use crate::medium::black_body::BlackBody;
-use crate::medium::density::bricks::{BrickGrid, Interpolation, NegativePolicy};
+use crate::medium::density::bricks::{BrickGrid, Interpolation, NegativePolicy, Precision};
 use crate::medium::density::{Density, Grid, npy, vdb};
 use crate::medium::{Emission, Medium};
 use crate::surface::{Paint, Pyramid};
@@ -78,13 +78,16 @@ struct Unplaced {
     instance: Option<usize>,
 }
 
+/// How voxels are read and kept.
+type Kept = (Interpolation, NegativePolicy, Precision);
+
 struct Builder<'d> {
     description: &'d Description,
     /// Where the origin is to be.
     origin: Origin,
     meshes: HashMap<(PathBuf, bool), Arc<Mesh>>,
     /// By file, the grid's index in it, and how it is read.
-    voxels: HashMap<(PathBuf, usize, Interpolation, NegativePolicy), Arc<BrickGrid>>,
+    voxels: HashMap<(PathBuf, usize, Kept), Arc<BrickGrid>>,
     /// Where media of noise are, in the coordinates of the noise, by index in the description.
     extents: HashMap<usize, Vec<Bounds>>,
     /// Base media in the file's coordinates, by index in the description.
@@ -291,11 +294,15 @@ impl<'d> Builder<'d> {
             said::Density::Exponential(air) => Density::Exponential(*air),
             said::Density::Noise(noise) => {
                 let extents = self.extents.get(&index).map_or(&[][..], Vec::as_slice);
-                Density::Grid(noise.sample(extents).map_err(|error| said.place.error(error))?)
+                let grid = noise.sample(extents).map_err(|error| said.place.error(error))?;
+                Density::Grid(grid.with_precision(said.precision))
             }
-            said::Density::Array { file, min, max } => Density::Grid(self.array(file, *min, *max)?),
+            said::Density::Array { file, min, max } => {
+                Density::Grid(self.array(file, *min, *max)?.with_precision(said.precision))
+            }
             said::Density::Vdb { file, grid, transform, interpolation, negative } => {
-                Density::Grid(self.vdb(file, grid.as_ref(), *transform, *interpolation, *negative)?)
+                let kept = (*interpolation, *negative, said.precision);
+                Density::Grid(self.vdb(file, grid.as_ref(), *transform, kept)?)
             }
         };
         let emission = match &said.emission {
@@ -305,8 +312,8 @@ impl<'d> Builder<'d> {
                 let Some((file, transform)) = said.density.grids() else {
                     return Err(temperature.place.error("a grid of temperatures needs a density of type \"vdb\""));
                 };
-                let grid =
-                    self.vdb(file, Some(temperature), transform, Interpolation::Trilinear, NegativePolicy::Zero)?;
+                let kept = (Interpolation::Trilinear, NegativePolicy::Zero, Precision::Full);
+                let grid = self.vdb(file, Some(temperature), transform, kept)?;
                 Emission::BlackBody {
                     temperature: Box::new(grid),
                     kelvin_scale: *kelvin_scale,
@@ -334,8 +341,7 @@ impl<'d> Builder<'d> {
         file: &Located<PathBuf>,
         name: Option<&Located<String>>,
         transform: DAffine3,
-        interpolation: Interpolation,
-        negative: NegativePolicy,
+        kept: Kept,
     ) -> Result<Grid> {
         let fail = |error: Error| name.map_or(&file.place, |name| &name.place).error(error);
         let source = vdb::File::open(&file.value).map_err(|error| file.place.error(error))?;
@@ -346,13 +352,14 @@ impl<'d> Builder<'d> {
         };
         let to_world = source.grids()[index].index_to_world.clone();
         let to_world = to_world.map_err(|message| fail(Error::asset(&file.value, message)))?;
-        let key = (file.value.clone(), index, interpolation, negative);
+        let (interpolation, negative, precision) = kept;
+        let key = (file.value.clone(), index, kept);
         let voxels = match self.voxels.get(&key) {
             Some(voxels) => voxels.clone(),
             None => {
                 let grid = source.read_at(index).map_err(fail)?;
-                let voxels = BrickGrid::from_vdb(&grid, negative).map_err(fail)?.with_interpolation(interpolation);
-                let voxels = Arc::new(voxels);
+                let voxels = BrickGrid::from_vdb(&grid, negative).map_err(fail)?;
+                let voxels = Arc::new(voxels.with_interpolation(interpolation).with_precision(precision));
                 self.voxels.insert(key, voxels.clone());
                 voxels
             }

@@ -18,7 +18,7 @@ use serde::Serialize;
 
 use crate::Error;
 use crate::math::{DAffine3, DVec3, Rgb};
-use crate::medium::density::bricks::{Interpolation, NegativePolicy};
+use crate::medium::density::bricks::{Interpolation, NegativePolicy, Precision};
 use crate::medium::density::{Exponential, Noise};
 use crate::medium::phase::Phase;
 use crate::surface::Relief;
@@ -284,6 +284,8 @@ pub struct Medium {
     pub phase: Phase,
     /// What both coefficients are multiplied by at each point.
     pub density: Density,
+    /// How exactly its voxels are kept.
+    pub precision: Precision,
     /// The light the medium sends out by itself.
     pub emission: Option<MediumEmission>,
     /// Whether it adds to what it overlaps, instead of taking its place.

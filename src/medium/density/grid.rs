@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::sync::{Arc, OnceLock};
 
 use super::Coarse;
-use super::bricks::{BrickGrid, Cell};
+use super::bricks::{BrickGrid, Cell, Precision};
 use crate::math::{Bounds, DAffine3, DVec3, Ray};
 
 /// Voxels placed in the scene: a density, or a temperature.
@@ -23,6 +23,12 @@ impl Grid {
     /// Places voxels; `to_world` takes index space to the scene.
     pub fn new(voxels: Arc<BrickGrid>, to_world: DAffine3) -> Self {
         Grid { voxels, to_index: to_world.inverse(), clip: Bounds::ALL, coarse: Arc::default() }
+    }
+
+    /// With voxels kept so exactly.
+    pub fn with_precision(self, precision: Precision) -> Self {
+        let voxels = Arc::new(Arc::unwrap_or_clone(self.voxels).with_precision(precision));
+        Grid { voxels, coarse: Arc::default(), ..self }
     }
 
     /// With density 0 outside of a box in index space.

@@ -2,7 +2,7 @@
 
 use super::{Either, Names, all, either, transform::transform};
 use crate::math::{DAffine3, DVec3, Rgb};
-use crate::medium::density::bricks::{Interpolation, NegativePolicy};
+use crate::medium::density::bricks::{Interpolation, NegativePolicy, Precision};
 use crate::medium::density::{Exponential, Noise};
 use crate::medium::phase::{HenyeyGreenstein, Isotropic, LARGEST_DIAMETER, Mixture, Phase, Rayleigh, Schlick, mie};
 use crate::medium::presets::PRESETS;
@@ -14,17 +14,18 @@ pub(super) fn medium(name: &str, item: &Item, names: &Names, scene_unit: Unit) -
     let phase = table.get_or("phase", Isotropic.into(), |item| phase(&item.table()?, false));
     let mean_cosine = phase.as_ref().map_or(0.0, Phase::mean_cosine);
     let coefficients = coefficients(&table, mean_cosine, scene_unit);
-    let density = table.get_or("density", Density::Constant { value: 1.0 }, |item| density(&item.table()?, names));
+    let even = (Density::Constant { value: 1.0 }, Precision::Full);
+    let density = table.get_or("density", even, |item| density(&item.table()?, names));
     let adds = table.get_or("add", false, Item::boolean);
     let emission = table.get("emission", |item| emission(&item.table()?));
     table.finish()?;
-    let ((sigma_s, sigma_a), density, emission) = (coefficients?, density?, emission?);
+    let ((sigma_s, sigma_a), (density, precision), emission) = (coefficients?, density?, emission?);
     if let (Some(MediumEmission::BlackBody { temperature, .. }), false) = (&emission, density.grids().is_some()) {
         let message = "names a second grid of the density's file; expected a `density` of type \"vdb\"";
         return Err(item.fail_about(&temperature.place, message));
     }
     let (name, phase, adds) = (name.to_owned(), phase?, adds?);
-    Ok(Medium { name, sigma_s, sigma_a, phase, density, emission, adds, place: item.place() })
+    Ok(Medium { name, sigma_s, sigma_a, phase, density, precision, emission, adds, place: item.place() })
 }
 
 /// σ_s and σ_a per scene unit, scaled: given as such, a missing one being 0, or as extinction and albedo, or by
@@ -119,26 +120,27 @@ fn mixture(item: &Item) -> Read<Phase> {
 /// More octaves would be finer than any grid of voxels that fits into memory.
 const MOST_OCTAVES: i128 = 12;
 
-fn density(table: &Table, names: &Names) -> Read<Density> {
-    type Reader = fn(&Table, &Names) -> Read<Density>;
+fn density(table: &Table, names: &Names) -> Read<(Density, Precision)> {
+    type Reader = fn(&Table, &Names) -> Read<(Density, Precision)>;
     let kinds: [(&str, Reader); 5] =
         [("constant", constant), ("vdb", vdb), ("array", array), ("exponential", exponential), ("noise", noise)];
     let read = table.require("type", |item| item.choice(&kinds, &[]))?;
     read(table, names)
 }
 
-/// How exactly voxels are kept: as they are.
-fn precision(table: &Table) -> Read<()> {
-    table.get_or("precision", (), |item| item.choice(&[("full", ())], &["half"]))
+/// How exactly voxels are kept.
+fn precision(table: &Table) -> Read<Precision> {
+    let choices = [("full", Precision::Full), ("half", Precision::Half)];
+    table.get_or("precision", Precision::Full, |item| item.choice(&choices, &[]))
 }
 
-fn constant(table: &Table, _: &Names) -> Read<Density> {
+fn constant(table: &Table, _: &Names) -> Read<(Density, Precision)> {
     let value = table.get_or("value", 1.0, Item::non_negative);
     table.finish()?;
-    Ok(Density::Constant { value: value? })
+    Ok((Density::Constant { value: value? }, Precision::Full))
 }
 
-fn vdb(table: &Table, names: &Names) -> Read<Density> {
+fn vdb(table: &Table, names: &Names) -> Read<(Density, Precision)> {
     let file = table.require("file", |item| item.file(names.folder, &["vdb"]));
     let grid = table.get("grid", Item::located_string);
     let transform = table.get_or("transform", DAffine3::IDENTITY, transform);
@@ -151,42 +153,40 @@ fn vdb(table: &Table, names: &Names) -> Read<Density> {
     });
     let precision = precision(table);
     table.finish()?;
-    precision?;
-    Ok(Density::Vdb {
+    let density = Density::Vdb {
         file: file?,
         grid: grid?,
         transform: transform?,
         interpolation: interpolation?,
         negative: negative?,
-    })
+    };
+    Ok((density, precision?))
 }
 
-fn array(table: &Table, names: &Names) -> Read<Density> {
+fn array(table: &Table, names: &Names) -> Read<(Density, Precision)> {
     let file = table.require("file", |item| item.file(names.folder, &["npy"]));
     let corners = super::corners(table);
     let precision = precision(table);
     table.finish()?;
-    precision?;
     let (min, max) = corners?;
-    Ok(Density::Array { file: file?, min, max })
+    Ok((Density::Array { file: file?, min, max }, precision?))
 }
 
-fn exponential(table: &Table, _: &Names) -> Read<Density> {
+fn exponential(table: &Table, _: &Names) -> Read<(Density, Precision)> {
     let origin = table.get_or("origin", DVec3::ZERO, Item::vector);
     let up = table.get_or("up", DVec3::Y, Item::nonzero_vector);
     let scale_height = table.require("scale_height", Item::length);
     let value = table.get_or("value", 1.0, Item::non_negative);
     table.finish()?;
     let air = Exponential { origin: origin?, up: up?, scale_height: scale_height?, value: value? };
-    Ok(Density::Exponential(air))
+    Ok((Density::Exponential(air), Precision::Full))
 }
 
-fn noise(table: &Table, _: &Names) -> Read<Density> {
+fn noise(table: &Table, _: &Names) -> Read<(Density, Precision)> {
     let noise = noise_of(table, 0.5);
     let precision = precision(table);
     table.finish()?;
-    precision?;
-    noise.map(Density::Noise)
+    Ok((Density::Noise(noise?), precision?))
 }
 
 /// The keys of noise.

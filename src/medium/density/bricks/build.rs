@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use super::index::{BACKGROUND, CONSTANT, Index, Range, SparseIndex, dense_entry, lower_offset, upper_offset};
+use super::values::Values;
 use super::{Active, BrickGrid, Interpolation, NegativePolicy};
 use crate::error::{Error, Result};
 use crate::medium::density::vdb;
@@ -106,6 +107,24 @@ impl BrickGrid {
             }
         }
         builder.finish().map_err(Error::Limit)
+    }
+
+    /// The same with values in half the room; ranges are those of the rounded values.
+    pub(super) fn halved(self) -> BrickGrid {
+        let count = self.bricks();
+        let values = self.values.halved(count);
+        let (bricks, constants) = (|| (0..count).map(|brick| values.brick(brick)), values.constants(count));
+        let own_ranges: Vec<Range> = bricks().map(|values| layer_range(&values, 0)).collect();
+        let greatest = own_ranges.iter().map(|range| range.max);
+        let max = greatest.chain(constants.iter().copied()).fold(0.0, f32::max);
+        let index = match self.index {
+            Index::Dense { min, size, codes, .. } => {
+                let ranges = ranges((&min, &size, &codes), bricks(), constants);
+                Index::Dense { min, size, codes, ranges }
+            }
+            sparse @ Index::Sparse(_) => sparse,
+        };
+        BrickGrid { values, own_ranges, index, max, ..self }
     }
 }
 
@@ -301,7 +320,7 @@ impl Builder {
         Ok(BrickGrid {
             background: self.background,
             interpolation: Interpolation::Trilinear,
-            values,
+            values: Values::Full(values),
             own_ranges,
             index,
             occupied: self.occupied,
@@ -349,27 +368,41 @@ impl Builder {
         let size: [u32; 3] = std::array::from_fn(|axis| ((last[axis] >> 3) - min[axis] + 2) as u32);
         let count = size.iter().try_fold(1_u64, |count, &n| count.checked_mul(n as u64)).filter(|n| *n <= budget)?;
 
-        // The brick of an entry, or that beyond its upper faces where `part` says so.
-        let brick = |n: usize, part: usize| {
-            let (y, x) = (size[2] as usize, size[1] as usize * size[2] as usize);
-            let local = [n / x + (part >> 2 & 1), n / y % size[1] as usize + (part >> 1 & 1), n % y + (part & 1)];
-            std::array::from_fn(|axis| min[axis] + local[axis] as i32)
-        };
-        let codes: Vec<u32> = (0..count as usize).map(|n| sparse.find(brick(n, 0)).0).collect();
+        let codes: Vec<u32> = (0..count as usize).map(|n| sparse.find(brick_of((&min, &size), n, 0)).0).collect();
 
-        // The ranges of those parts of each brick that lie in the apron of a lower neighbour.
-        let parts: Vec<[Range; 8]> =
-            self.values.iter().map(|values| std::array::from_fn(|part| layer_range(values, part))).collect();
-        let range = |n: usize| {
-            (0..8).fold(Range::NONE, |range, part| {
-                let code = dense_entry(&min, &size, brick(n, part)).map_or(BACKGROUND, |n| codes[n]);
-                let constant = self.constants.get((code & !CONSTANT) as usize).filter(|_| code & CONSTANT != 0);
-                range.union(constant.map_or_else(|| parts[code as usize][part], |&c| Range { min: c, max: c }))
-            })
-        };
-        let ranges = (0..codes.len()).map(range).collect();
+        let ranges = ranges((&min, &size, &codes), self.values.iter().copied(), &self.constants);
         Some(Index::Dense { min, size, codes, ranges })
     }
+}
+
+/// The bricks of a dense index: coordinates of the `n`-th, or of that beyond its upper faces where `part` says so.
+fn brick_of((min, size): (&[i32; 3], &[u32; 3]), n: usize, part: usize) -> [i32; 3] {
+    let (y, x) = (size[2] as usize, size[1] as usize * size[2] as usize);
+    let local = [n / x + (part >> 2 & 1), n / y % size[1] as usize + (part >> 1 & 1), n % y + (part & 1)];
+    std::array::from_fn(|axis| min[axis] + local[axis] as i32)
+}
+
+/// The ranges of the bricks of a dense index with their aprons, from the values of all bricks, and the constants.
+fn ranges(
+    (min, size, codes): (&[i32; 3], &[u32; 3], &[u32]),
+    bricks: impl Iterator<Item = [f32; 512]>,
+    constants: &[f32],
+) -> Vec<Range> {
+    // Those parts of each brick that lie in the apron of a lower neighbour.
+    let parts: Vec<[Range; 8]> =
+        bricks.map(|values| std::array::from_fn(|part| layer_range(&values, part))).collect();
+    let range = |n: usize| {
+        (0..8).fold(Range::NONE, |range, part| {
+            let code = dense_entry(min, size, brick_of((min, size), n, part)).map_or(BACKGROUND, |n| codes[n]);
+            range.union(if code & CONSTANT == 0 {
+                parts[code as usize][part]
+            } else {
+                let value = constants[(code & !CONSTANT) as usize];
+                Range { min: value, max: value }
+            })
+        })
+    };
+    (0..codes.len()).map(range).collect()
 }
 
 /// Whether voxels from `first` to `last` leave what `i32` arithmetic has room for.

@@ -1,6 +1,7 @@
 //! Where bricks are: from the coordinates of a brick to its values, or to the one value that a cube of bricks has.
 
 use super::BrickGrid;
+use super::values::Place;
 
 /// An entry of the index: a brick, a node of the next level, or, with this bit, a constant.
 pub(super) const CONSTANT: u32 = 1 << 31;
@@ -134,7 +135,7 @@ impl BrickGrid {
 
     /// Where an entry's values are, and which bits of an offset count there.
     #[inline]
-    pub(super) fn place(&self, code: u32) -> (usize, usize) {
+    pub(super) fn place(&self, code: u32) -> Place {
         if code & CONSTANT != 0 {
             (512 * self.own_ranges.len() + (code & !CONSTANT) as usize, 0)
         } else {
@@ -145,13 +146,7 @@ impl BrickGrid {
     /// The value that a constant entry stands for.
     #[inline]
     pub(super) fn constant(&self, code: u32) -> f32 {
-        self.values[self.place(code).0]
-    }
-
-    /// The values of an entry that is a brick.
-    #[inline]
-    pub(super) fn brick(&self, code: u32) -> &[f32; 512] {
-        &self.values.as_chunks().0[code as usize]
+        self.values.at(self.place(code), 0)
     }
 
     /// The greatest of the 8³ voxels of a brick; coordinates count bricks.

@@ -1,6 +1,7 @@
 //! The density at a point, and where the corners of a cell are found.
 
 use super::index::CONSTANT;
+use super::values::Place;
 use super::{BrickGrid, Interpolation};
 use crate::math::{DVec3, Vec3};
 use glam::Vec4;
@@ -8,8 +9,7 @@ use glam::Vec4;
 impl BrickGrid {
     /// The value of voxel (i, j, k).
     pub fn value_at(&self, i: i32, j: i32, k: i32) -> f32 {
-        let (place, mask) = self.place(self.code([i >> 3, j >> 3, k >> 3]));
-        self.values[place + (offset([i & 7, j & 7, k & 7]) & mask)]
+        self.values.at(self.place(self.code([i >> 3, j >> 3, k >> 3])), offset([i & 7, j & 7, k & 7]))
     }
 
     /// The density at `p`, in index space.
@@ -42,7 +42,7 @@ impl BrickGrid {
             if code & CONSTANT != 0 {
                 return self.constant(code);
             }
-            return interpolate(&corners_inside(self.brick(code), local), [fraction(0), fraction(1), fraction(2)]);
+            return interpolate(&self.values.inside(code as usize, local), [fraction(0), fraction(1), fraction(2)]);
         }
 
         // The others reach into its upper neighbours.
@@ -53,15 +53,14 @@ impl BrickGrid {
 
     /// The corners of a cell that may reach into the brick's upper neighbours; `near` says where these are.
     #[inline]
-    pub(super) fn corners_across(&self, near: &[(usize, usize); 8], cell: [i32; 3]) -> [f32; 8] {
+    pub(super) fn corners_across(&self, near: &[Place; 8], cell: [i32; 3]) -> [f32; 8] {
         let upper = cell.map(|x| (x as usize + 1) & 7);
         let crosses = cell.map(|x| (x == 7) as usize);
-        std::array::from_fn(|n| {
+        self.values.each(std::array::from_fn(|n| {
             let pick = |axis: usize| if n >> (2 - axis) & 1 != 0 { upper[axis] } else { cell[axis] as usize };
             let neighbour = n & (crosses[0] << 2 | crosses[1] << 1 | crosses[2]);
-            let (place, mask) = near[neighbour];
-            self.values[place + ((pick(0) << 6 | pick(1) << 3 | pick(2)) & mask)]
-        })
+            (near[neighbour], pick(0) << 6 | pick(1) << 3 | pick(2))
+        }))
     }
 }
 
@@ -71,10 +70,9 @@ pub(super) fn offset(local: [i32; 3]) -> usize {
     (local[0] << 6 | local[1] << 3 | local[2]) as usize & 511
 }
 
-/// The corners of a cell within a brick, z fastest.
+/// What a brick has at the corners of the cell at an offset, z fastest.
 #[inline]
-pub(super) fn corners_inside(values: &[f32; 512], cell: [i32; 3]) -> [f32; 8] {
-    let n = offset(cell);
+pub(super) fn inside<T: Copy>(values: &[T; 512], n: usize) -> [T; 8] {
     let at = |step: usize| values[(n + step) & 511];
     [at(0), at(1), at(8), at(9), at(64), at(65), at(72), at(73)]
 }

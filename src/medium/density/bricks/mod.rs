@@ -14,12 +14,15 @@ mod index;
 mod interpolate;
 #[cfg(test)]
 mod tests;
+mod values;
 mod walk;
 
+pub use values::Precision;
 pub use walk::Cell;
 
 use crate::math::{Bounds, DVec3};
 use index::{Index, Range};
+use values::Values;
 
 /// What becomes of negative voxels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize)]
@@ -46,8 +49,7 @@ pub enum Interpolation {
 pub struct BrickGrid {
     background: f32,
     interpolation: Interpolation,
-    /// The values of each brick, z fastest, and then the constants.
-    values: Vec<f32>,
+    values: Values,
     /// The least and greatest value of each brick.
     own_ranges: Vec<Range>,
     index: Index,
@@ -68,7 +70,7 @@ struct Active {
 
 impl std::fmt::Debug for BrickGrid {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("BrickGrid").field("bricks", &self.values.len()).field("occupied", &self.occupied).finish()
+        f.debug_struct("BrickGrid").field("bricks", &self.bricks()).field("occupied", &self.occupied).finish()
     }
 }
 
@@ -76,6 +78,19 @@ impl BrickGrid {
     /// With another density between its voxels.
     pub fn with_interpolation(self, interpolation: Interpolation) -> BrickGrid {
         BrickGrid { interpolation, ..self }
+    }
+
+    /// With values kept so exactly; what is rounded stays so.
+    pub fn with_precision(self, precision: Precision) -> BrickGrid {
+        match precision {
+            Precision::Full => self,
+            Precision::Half => self.halved(),
+        }
+    }
+
+    /// How exactly its values are kept.
+    pub fn precision(&self) -> Precision {
+        self.values.precision()
     }
 
     /// How the density behaves between voxels.
@@ -143,7 +158,7 @@ impl BrickGrid {
                 size_of_val(&index.roots[..]) + nodes.map(|node| size_of_val(&node[..])).sum::<usize>()
             }
         };
-        index + size_of_val(&self.values[..]) + size_of_val(&self.own_ranges[..])
+        index + self.values.bytes() + size_of_val(&self.own_ranges[..])
     }
 
     /// Where the density can differ from the background, in index space: lower faces included, upper

@@ -3,7 +3,8 @@
 use std::ops::ControlFlow;
 
 use super::index::{BACKGROUND, Block, CONSTANT, Range};
-use super::interpolate::{corners_inside, floor, interpolate_along, offset};
+use super::interpolate::{floor, interpolate_along, offset};
+use super::values::Place;
 use super::{BrickGrid, Interpolation};
 use crate::math::{DVec3, Vec3};
 
@@ -166,8 +167,8 @@ impl BrickGrid {
                 plane_t[axis] = ((cell[axis] + (d > 0.0) as i32) as f64 - o[axis]) * ray.inverse[axis];
             }
         }
-        let stored = (block.code & CONSTANT == 0).then(|| self.brick(block.code));
-        let mut near: Option<[(usize, usize); 8]> = None;
+        let stored = (block.code & CONSTANT == 0).then_some(block.code as usize);
+        let mut near: Option<[Place; 8]> = None;
 
         // From plane to plane, always the nearest.
         let mut ta = a;
@@ -186,7 +187,7 @@ impl BrickGrid {
             if tb > ta {
                 let piece = if TRILINEAR {
                     let corners = match stored {
-                        Some(values) if !cell.contains(&7) => corners_inside(values, cell),
+                        Some(brick) if !cell.contains(&7) => self.values.inside(brick, cell),
                         _ => {
                             let near =
                                 near.get_or_insert_with(|| self.codes_near(block.lo).map(|code| self.place(code)));
@@ -201,8 +202,7 @@ impl BrickGrid {
                     let [rho_a, rho_mid, rho_b] = interpolate_along(&corners, fa, fb);
                     Cell { ta, tb, rho_a, rho_mid, rho_b }
                 } else {
-                    let (place, mask) = self.place(block.code);
-                    let rho = self.values[place + (offset(cell) & mask)];
+                    let rho = self.values.at(self.place(block.code), offset(cell));
                     Cell { ta, tb, rho_a: rho, rho_mid: rho, rho_b: rho }
                 };
                 visit(piece)?;
