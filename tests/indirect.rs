@@ -179,6 +179,42 @@ fn furnaces_are_even() {
     checks.finish();
 }
 
+/// So it is on a floor of relief, finer than the discs of photons: what they cover of it here and there is found without a bias.
+#[test]
+fn furnaces_are_even_on_relief() {
+    const CELLS: [u32; 2] = [66, 100];
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("relief.obj");
+    let mut relief = String::new();
+    for (x, z) in (0..=CELLS[1]).flat_map(|z| (0..=CELLS[0]).map(move |x| (x, z))) {
+        let mut hash = x.wrapping_mul(7919).wrapping_add(z.wrapping_mul(104_729));
+        hash = (hash ^ hash >> 16).wrapping_mul(0x7feb_352d);
+        hash = (hash ^ hash >> 15).wrapping_mul(0x846c_a68b);
+        let height = f64::from(hash ^ hash >> 16) / f64::from(u32::MAX);
+        let [x, z] = [f64::from(x) / f64::from(CELLS[0]), f64::from(z) / f64::from(CELLS[1])];
+        relief += &format!("v {} {} {}\n", 2.0 * x - 1.0, 0.08 * height - 0.98, 3.0 * z - 1.0);
+    }
+    for (x, z) in (0..CELLS[1]).flat_map(|z| (1..=CELLS[0]).map(move |x| (x, z))) {
+        let [a, b] = [0, 1].map(|row| (z + row) * (CELLS[0] + 1) + x);
+        relief += &format!("f {a} {b} {}\nf {} {b} {}\n", a + 1, a + 1, b + 1);
+    }
+    std::fs::write(&file, relief).unwrap();
+    let text = format!(
+        "{FILM}[materials.wall]\ntype = \"lambert\"\nreflectance = 0.5\n[[shapes]]\ntype = \"box\"\nmin = [-1, -1, -1]\n\
+         max = [1, 1, 2]\nmaterial = \"wall\"\nemission = {{ radiance = 1, side = \"in\" }}\n\
+         [[shapes]]\ntype = \"mesh\"\nfile = {file:?}\nsmooth = false\nmaterial = \"wall\"\nemission = {{ radiance = 1, side = \"out\" }}\n\
+         [camera]\nposition = [0.2, 0.1, 1.8]\ntarget = [0, -0.6, 0]\nfov = 60\n"
+    );
+    let mut checks = Checks::default();
+    let expected = Estimate { mean: [2.0; 3], standard_error: [0.0; 3] };
+    for (way, set) in WAYS.iter().filter(|(way, _)| matches!(*way, "gathered" | "shown")) {
+        let mut overrides = vec!["photons.global=60_000", "render.samples=16"];
+        overrides.extend(*set);
+        checks.agree(way, &Estimate::of(6, &text, &overrides), &expected, 0.01, 0.005);
+    }
+    checks.finish();
+}
+
 /// Behind a wall without thickness it is dark: less than a millionth of what is lit comes there.
 #[test]
 fn no_light_leaks_through_a_sheet() {

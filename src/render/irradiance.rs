@@ -44,6 +44,9 @@ pub(super) struct Filled {
 
 /// Of how many pixels along each axis one is looked at, from round to round.
 const STRIDES: [u32; 5] = [16, 8, 4, 2, 1];
+/// So often all pixels are looked at again in the end: records that yield to others leave places behind that were covered, which are grainy islands
+/// in large pictures.
+const LAST_LOOKS: usize = 8;
 /// Records that are made before it is found out which others are still wanted. Fewer leave processors idle, more make records that
 /// others would have told.
 const BATCH: usize = 128;
@@ -62,14 +65,18 @@ impl<'s> Filler<'_, 's> {
         let rays = MOST_RAYS * u64::from(width) * u64::from(height) * u64::from(self.plan.samples);
         let most = rays.div_ceil(self.settings.rays() as u64) as usize;
         let mut filled = Filled::default();
-        for (round, stride) in STRIDES.into_iter().enumerate() {
+        let coarse_to_fine = STRIDES.into_iter().zip(std::iter::once(true).chain(std::iter::repeat(false)));
+        for (stride, all) in coarse_to_fine.chain(std::iter::repeat_n((1, true), LAST_LOOKS)) {
             let is_old = |x: u32| x.is_multiple_of(2 * stride);
-            let is_new = |x: u32, y: u32| round == 0 || !(is_old(x) && is_old(y));
+            let is_new = |x: u32, y: u32| all || !(is_old(x) && is_old(y));
             let rows = (0..height).into_par_iter().step_by(stride as usize);
             let cache = &filled.cache;
             let is_wanted = |&(x, y): &(u32, u32)| self.find(x, y).is_some_and(|found| !found.is_covered(cache));
             let new = |y: u32| (0..width).step_by(stride as usize).map(move |x| (x, y)).filter(|&(x, y)| is_new(x, y));
             let mut wanted: Vec<(u32, u32)> = rows.flat_map_iter(|y| new(y).filter(is_wanted)).collect();
+            if stride == 1 && all && wanted.is_empty() {
+                break;
+            }
             wanted.sort_by_key(|&(x, y)| (mix(u64::from(y) << 32 | u64::from(x)), x, y));
             while !wanted.is_empty() && filled.cache.len() < most && !stop() {
                 let rest = wanted.split_off(wanted.len().min(BATCH).min(most - filled.cache.len()));
