@@ -483,9 +483,9 @@ const MISTAKES: &[(&str, &str, &str)] = &[
     ("[render]\nquality = ‸\"best\"\n", "render.quality", "draft"),
     ("[media.a]\nsigma_s = 1\nadd = ‸1\n", "media.a.add", "found 1; expected true or false"),
     (
-        "[media.a]\nsigma_s = 1\ndensity = { type = \"noise\", precision = ‸\"half\" }\n",
+        "[media.a]\nsigma_s = 1\ndensity = { type = \"noise\", precision = ‸\"double\" }\n",
         "media.a.density.precision",
-        "\"half\" is not supported yet",
+        "found \"double\"; expected one of \"full\", \"half\"",
     ),
     ("[render]\nsamples = ‸0\n", "render.samples", "found 0"),
     ("[render]\nlight_samples = ‸0\n", "render.light_samples", "found 0; expected an integer from 1 to 4096"),

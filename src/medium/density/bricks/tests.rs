@@ -88,12 +88,16 @@ fn cases() -> Vec<Case> {
     ]
 }
 
-fn both(case: Case) -> [Case; 2] {
+/// Interpolated and not, and in half the room with what its voxels have there.
+fn each_way(case: Case) -> [Case; 3] {
     let Case { name, grid, values, around } = case;
     let values = std::rc::Rc::new(values);
     let other = values.clone();
     let copy = grid.clone();
+    let halved = grid.clone().with_precision(Precision::Half);
+    let rounded = halved.clone();
     [
+        Case { name, grid: halved, values: Box::new(move |at| rounded.value_at(at[0], at[1], at[2])), around },
         Case { name, grid, values: Box::new(move |at| values(at)), around },
         Case {
             name,
@@ -155,7 +159,7 @@ fn brute_force(case: &Case, p: DVec3) -> f64 {
 
 #[test]
 fn densities_are_those_of_the_definition() {
-    for case in cases().into_iter().flat_map(both) {
+    for case in cases().into_iter().flat_map(each_way) {
         let mut stream = Stream::new(1, Purpose::Test, 0, 0);
         let support = case.grid.support();
         for n in 0..4000 {
@@ -177,6 +181,32 @@ fn densities_are_those_of_the_definition() {
     }
 }
 
+/// In half the room voxels are off by half a unit of eleven binary digits at most, or by 2⁻²⁹ of their brick's largest value; cubes of one value, and
+/// zeros, not at all. From the least numbers to the largest.
+#[test]
+fn halves_are_as_exact_as_they_say() {
+    for scale in [1e-38, 1e-20, 1.0, 3e4, 1e29] {
+        let value = |n: usize| match n % 5 {
+            0 => 0.0,
+            1 => scale,
+            _ => scale * (0.37 + n as f32).sin().abs().powi(1 + n as i32 % 24),
+        };
+        let values: Vec<f32> = (0..32 * 24 * 16).map(|n| if n < 32 * 24 * 8 { value(n) } else { 0.3 * scale }).collect();
+        let grid = BrickGrid::from_dense([0; 3], [32, 24, 16], &values, 0.0, NegativePolicy::Error).unwrap();
+        let half = grid.clone().with_precision(Precision::Half);
+        assert_eq!((grid.precision(), half.precision()), (Precision::Full, Precision::Half));
+        for (n, expected) in values.iter().enumerate() {
+            let [i, j, k] = [n % 32, n / 32 % 24, n / (32 * 24)].map(|i| i as i32);
+            let off = (half.value_at(i, j, k) - expected).abs();
+            let least = grid.brick_max([i >> 3, j >> 3, k >> 3]) / (1u32 << 29) as f32;
+            assert!(off <= (expected / 2048.0).max(least).max(f32::MIN_POSITIVE), "{expected} is off by {off}");
+            assert!(off == 0.0 || n < 32 * 24 * 8 && *expected != 0.0, "{expected} is off by {off}");
+        }
+        // Half of each brick's values, without its unit, and of two constants.
+        assert_eq!((half.bricks(), grid.bytes() - half.bytes()), (12, 12 * (2 * 512 - 4) - 2 * 2), "{scale}");
+    }
+}
+
 #[test]
 fn the_support_is_as_small_as_it_can_be() {
     let one = || BrickGrid::from_dense([7, -8, 0], [1, 1, 1], &[2.0], 0.0, NegativePolicy::Error).unwrap();
@@ -193,7 +223,7 @@ fn the_support_is_as_small_as_it_can_be() {
 
 #[test]
 fn majorants_tile_the_ray_and_bound_the_density() {
-    for case in cases().into_iter().flat_map(both) {
+    for case in cases().into_iter().flat_map(each_way) {
         let mut stream = Stream::new(2, Purpose::Test, 0, 0);
         let (mut pieces, mut tight) = (0, 0);
         for kind in 0..800 {
@@ -223,7 +253,7 @@ fn majorants_tile_the_ray_and_bound_the_density() {
 
 #[test]
 fn cells_tile_the_ray_and_hold_its_densities() {
-    for case in cases().into_iter().flat_map(both) {
+    for case in cases().into_iter().flat_map(each_way) {
         let mut stream = Stream::new(3, Purpose::Test, 0, 0);
         for kind in 0..800 {
             let (origin, direction, t0, t1) = ray(&mut stream, &case.around, kind);
@@ -253,7 +283,7 @@ fn cells_tile_the_ray_and_hold_its_densities() {
 
 #[test]
 fn integrals_are_those_of_fine_quadrature() {
-    for case in cases().into_iter().flat_map(both) {
+    for case in cases().into_iter().flat_map(each_way) {
         let mut stream = Stream::new(4, Purpose::Test, 0, 0);
         for kind in 0..60 {
             let (origin, direction, t0, t1) = ray(&mut stream, &case.around, kind);
