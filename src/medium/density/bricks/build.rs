@@ -113,7 +113,7 @@ impl BrickGrid {
     pub(super) fn halved(self) -> BrickGrid {
         let count = self.bricks();
         let values = self.values.halved(count);
-        let (bricks, constants) = (|| (0..count).map(|brick| values.brick(brick)), values.constants(count));
+        let (bricks, constants) = (|| (0..count).map(|brick| values.brick(brick).values()), values.constants(count));
         let own_ranges: Vec<Range> = bricks().map(|values| layer_range(&values, 0)).collect();
         let greatest = own_ranges.iter().map(|range| range.max);
         let max = greatest.chain(constants.iter().copied()).fold(0.0, f32::max);

@@ -42,7 +42,7 @@ impl BrickGrid {
             if code & CONSTANT != 0 {
                 return self.constant(code);
             }
-            return interpolate(&self.values.inside(code as usize, local), [fraction(0), fraction(1), fraction(2)]);
+            return interpolate(&self.values.brick(code as usize).corners(local), [fraction(0), fraction(1), fraction(2)]);
         }
 
         // The others reach into its upper neighbours.
@@ -56,11 +56,11 @@ impl BrickGrid {
     pub(super) fn corners_across(&self, near: &[Place; 8], cell: [i32; 3]) -> [f32; 8] {
         let upper = cell.map(|x| (x as usize + 1) & 7);
         let crosses = cell.map(|x| (x == 7) as usize);
-        self.values.each(std::array::from_fn(|n| {
+        self.values.eight(|n| {
             let pick = |axis: usize| if n >> (2 - axis) & 1 != 0 { upper[axis] } else { cell[axis] as usize };
             let neighbour = n & (crosses[0] << 2 | crosses[1] << 1 | crosses[2]);
             (near[neighbour], pick(0) << 6 | pick(1) << 3 | pick(2))
-        }))
+        })
     }
 }
 

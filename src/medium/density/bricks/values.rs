@@ -53,9 +53,41 @@ impl Halves {
     }
 
     #[inline]
-    fn unit(&self, place: usize) -> f32 {
+    fn at(&self, (place, mask): Place, offset: usize) -> f32 {
         let brick = place / 512;
-        self.units[if brick < self.bricks { brick } else { place - 511 * self.bricks }]
+        let unit = self.units[if brick < self.bricks { brick } else { place - 511 * self.bricks }];
+        whole(self.bits[place + (offset & mask)]) * unit
+    }
+}
+
+#[inline]
+fn full(values: &[f32], (place, mask): Place, offset: usize) -> f32 {
+    values[place + (offset & mask)]
+}
+
+/// A brick of values, as it is kept.
+#[derive(Clone, Copy)]
+pub(super) enum Brick<'a> {
+    Full(&'a [f32; 512]),
+    Half(&'a [u16; 512], f32),
+}
+
+impl Brick<'_> {
+    /// The corners of a cell within it, z fastest.
+    #[inline]
+    pub(super) fn corners(self, cell: [i32; 3]) -> [f32; 8] {
+        match self {
+            Brick::Full(values) => inside(values, offset(cell)),
+            Brick::Half(bits, unit) => inside(bits, offset(cell)).map(|half| whole(half) * unit),
+        }
+    }
+
+    /// All its values.
+    pub(super) fn values(self) -> [f32; 512] {
+        match self {
+            Brick::Full(values) => *values,
+            Brick::Half(bits, unit) => bits.map(|half| whole(half) * unit),
+        }
     }
 }
 
@@ -99,37 +131,34 @@ impl Values {
     /// The value at an offset of a place.
     #[inline]
     pub(super) fn at(&self, place: Place, offset: usize) -> f32 {
-        let [value] = self.each([(place, offset)]);
-        value
+        match self {
+            Values::Full(values) => full(values, place, offset),
+            Values::Half(halves) => halves.at(place, offset),
+        }
     }
 
-    /// The values at offsets of places.
+    /// The values at eight offsets of places, which `of` tells by their numbers.
     #[inline]
-    pub(super) fn each<const N: usize>(&self, places: [(Place, usize); N]) -> [f32; N] {
+    pub(super) fn eight(&self, of: impl Fn(usize) -> (Place, usize)) -> [f32; 8] {
         match self {
-            Values::Full(values) => places.map(|((place, mask), offset)| values[place + (offset & mask)]),
-            Values::Half(halves) => places.map(|((place, mask), offset)| {
-                whole(halves.bits[place + (offset & mask)]) * halves.unit(place)
+            Values::Full(values) => std::array::from_fn(|n| {
+                let (place, offset) = of(n);
+                full(values, place, offset)
+            }),
+            Values::Half(halves) => std::array::from_fn(|n| {
+                let (place, offset) = of(n);
+                halves.at(place, offset)
             }),
         }
     }
 
-    /// The corners of a cell within a brick, z fastest.
+    /// One of the bricks.
     #[inline]
-    pub(super) fn inside(&self, brick: usize, cell: [i32; 3]) -> [f32; 8] {
-        let n = offset(cell);
+    pub(super) fn brick(&self, brick: usize) -> Brick<'_> {
         match self {
-            Values::Full(values) => inside(&values.as_chunks::<512>().0[brick], n),
-            Values::Half(halves) => {
-                let unit = halves.units[brick];
-                inside(&halves.bits.as_chunks::<512>().0[brick], n).map(|half| whole(half) * unit)
-            }
+            Values::Full(values) => Brick::Full(&values.as_chunks().0[brick]),
+            Values::Half(halves) => Brick::Half(&halves.bits.as_chunks().0[brick], halves.units[brick]),
         }
-    }
-
-    /// All of a brick.
-    pub(super) fn brick(&self, brick: usize) -> [f32; 512] {
-        std::array::from_fn(|n| self.at((512 * brick, 511), n))
     }
 
     /// The memory taken, in bytes.

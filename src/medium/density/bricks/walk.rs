@@ -167,7 +167,7 @@ impl BrickGrid {
                 plane_t[axis] = ((cell[axis] + (d > 0.0) as i32) as f64 - o[axis]) * ray.inverse[axis];
             }
         }
-        let stored = (block.code & CONSTANT == 0).then_some(block.code as usize);
+        let stored = (block.code & CONSTANT == 0).then(|| self.values.brick(block.code as usize));
         let mut near: Option<[Place; 8]> = None;
 
         // From plane to plane, always the nearest.
@@ -187,7 +187,7 @@ impl BrickGrid {
             if tb > ta {
                 let piece = if TRILINEAR {
                     let corners = match stored {
-                        Some(brick) if !cell.contains(&7) => self.values.inside(brick, cell),
+                        Some(brick) if !cell.contains(&7) => brick.corners(cell),
                         _ => {
                             let near =
                                 near.get_or_insert_with(|| self.codes_near(block.lo).map(|code| self.place(code)));
