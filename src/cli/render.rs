@@ -13,6 +13,7 @@ use super::progress::Bar;
 use super::tev::Viewer;
 use super::values;
 use super::watch::Watch;
+use crate::check::Names;
 use crate::compare::peak_bytes;
 use crate::image::{self, Format};
 use crate::medium::density;
@@ -68,6 +69,10 @@ pub struct Arguments {
     #[cfg(feature = "tev")]
     #[arg(long, value_name = "HOST:PORT", value_parser = values::address)]
     tev: Option<String>,
+    /// Tells of one camera path instead, event by event, as the film would draw it: column, row, and the number of the sample
+    /// in the pixel, all from 0. By method "path" alone.
+    #[arg(long, value_name = "X,Y,SAMPLE", value_parser = values::replay)]
+    replay: Option<((u32, u32), u64)>,
     /// Threads to use; default: all cores.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
@@ -103,6 +108,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let (scene, settings) = scene::build(&description)?;
         Ok((description, scene, settings))
     })?;
+    if let Some((pixel, sample)) = arguments.replay {
+        let replayed = render::Replayer::new(&scene, &settings)?.replay(pixel, sample)?;
+        return super::print(&Names::new(&description, &scene).story(&replayed));
+    }
     let load = start.elapsed().as_secs_f64();
     if !arguments.quiet {
         describe(&scene);

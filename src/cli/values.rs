@@ -56,6 +56,17 @@ pub fn region(text: &str) -> Result<(String, [u32; 4]), String> {
     }
 }
 
+/// A sample of a pixel: `x,y,sample`.
+pub fn replay(text: &str) -> Result<((u32, u32), u64), String> {
+    let expected = || "expected column, row and sample, from 0, such as 12,5,3".to_string();
+    let numbers: Vec<&str> = text.split(',').map(str::trim).collect();
+    let [x, y, sample] = numbers[..] else { return Err(expected()) };
+    match (x.parse(), y.parse(), sample.parse()) {
+        (Ok(x), Ok(y), Ok(sample)) => Ok(((x, y), sample)),
+        _ => Err(expected()),
+    }
+}
+
 /// `HOST:PORT`, as it is.
 #[cfg(feature = "tev")]
 pub fn address(text: &str) -> Result<String, String> {

@@ -15,10 +15,10 @@ use super::pass::Renderer;
 use super::plan::Plan;
 use super::progress::Progress;
 use crate::gather::{GatherStats, GlobalMap, IrradianceCache, Queue, SurfaceMap};
-use crate::math::Stream;
+use crate::math::{Ray, Stream};
 use crate::photon::narrowing;
-use crate::scene::Scene;
 use crate::scene::description::{self, Method, SingleScattering, Window};
+use crate::scene::{Inside, Scene};
 use crate::transport::{Parts, Tally};
 
 /// Pixels along the edge of a tile, the work of one task.
@@ -84,22 +84,9 @@ impl<P: Progress> Renderer<'_, P> {
         let stop = &move || stop.load(Ordering::Relaxed) || clock.ends_samples();
         let lamps = sends.then(|| LightTracer::new(self.scene, &self.camera, &self.plan, pass, stop));
         let tasks = lamps.as_ref().map_or(0, LightTracer::tasks_in_sample);
-        let (traced, peaks) = (self.plan.traced.clone(), self.plan.peaks.clone());
-        let settings = EyeSettings {
-            mode,
-            max_events: self.plan.max_events,
-            single_scattering: if sends { SingleScattering::Photons } else { self.plan.single_scattering },
-            peaks: &peaks,
-            marchers: traced.as_deref(),
-            caustics: maps.and_then(|maps| maps.caustic.as_ref()),
-            visibility: maps.and_then(|maps| maps.visibility.as_ref()),
-            indirect: indirect(&self.plan, maps),
-            light_samples: self.plan.light_samples,
-            whitted: self.plan.method == Method::Whitted,
-            sends,
-            spread: self.camera.cone().map(|width| width * footprint(self.plan.samples)),
-            stop,
-        };
+        // What fills the irradiance cache may change the plan's samples.
+        let plan = self.plan.clone();
+        let settings = eye_settings(&plan, &self.camera, (mode, maps), stop);
         let mut eye = Eye::new(self.scene, settings);
         let cache = self.fill_cache(&eye, pass);
         eye.keep(cache.as_ref());
@@ -193,6 +180,45 @@ impl<P: Progress> Renderer<'_, P> {
     }
 }
 
+/// What the eyes of a pass are told.
+pub(super) fn eye_settings<'s>(
+    plan: &'s Plan,
+    camera: &Camera,
+    (mode, maps): (Mode<'s>, Option<&'s Maps>),
+    stop: &'s (dyn Fn() -> bool + Sync),
+) -> EyeSettings<'s> {
+    let sends = plan.method == Method::Light;
+    EyeSettings {
+        mode,
+        max_events: plan.max_events,
+        single_scattering: if sends { SingleScattering::Photons } else { plan.single_scattering },
+        peaks: &plan.peaks,
+        marchers: plan.traced.as_deref(),
+        caustics: maps.and_then(|maps| maps.caustic.as_ref()),
+        visibility: maps.and_then(|maps| maps.visibility.as_ref()),
+        indirect: indirect(plan, maps),
+        light_samples: plan.light_samples,
+        whitted: plan.method == Method::Whitted,
+        sends,
+        spread: camera.cone().map(|width| width * footprint(plan.samples)),
+        stop,
+    }
+}
+
+/// The random numbers of a sample of a pass through a pixel, its ray, and the solids around the start of that.
+pub(super) fn set_out(
+    (scene, camera, plan): (&Scene, &Camera, &Plan),
+    (x, y): (u32, u32),
+    (pass, sample): (u32, u32),
+) -> (Stream, Ray, Inside) {
+    let pixel = u64::from(y) * u64::from(camera.size().0) + u64::from(x);
+    let number = u64::from(pass) * u64::from(plan.samples) + u64::from(sample);
+    let mut stream = Stream::of_sample(plan.seed, pixel, number, (pass, sample));
+    let ray = camera.ray(x, y, &mut stream);
+    let inside = plan.inside.clone().unwrap_or_else(|| scene.inside(ray.origin));
+    (stream, ray, inside)
+}
+
 /// Who tells indirect light: where it was to be a map that there is not, as hardly any light lands, paths do.
 fn indirect<'s>(plan: &Plan, maps: Option<&'s Maps>) -> Indirect<'s> {
     let global = maps.and_then(|maps| maps.global.as_ref());
@@ -263,13 +289,9 @@ impl<'s> Round<'_, 's> {
 
     fn pixel(&self, (x, y): (u32, u32), room: &mut Room<'s>, done: &mut Tile) {
         let Round { scene, camera, plan, eye, pass, .. } = self;
-        let pixel = y as u64 * camera.size().0 as u64 + x as u64;
         let mut sum = Sums::default();
         for sample in self.samples.clone() {
-            let number = *pass as u64 * plan.samples as u64 + sample as u64;
-            let mut stream = Stream::of_sample(plan.seed, pixel, number, (*pass, sample));
-            let ray = camera.ray(x, y, &mut stream);
-            let inside = plan.inside.clone().unwrap_or_else(|| scene.inside(ray.origin));
+            let (mut stream, ray, inside) = set_out((scene, camera, plan), (x, y), (*pass, sample));
             let index = done.sums.len() as u32;
             let tally = &mut done.tally;
             let Room { queue, parts, .. } = &mut *room;

@@ -302,6 +302,11 @@ impl<'s> Walk<'s> {
         })
     }
 
+    /// What it meets where it has stopped at a surface: all that coincides there.
+    pub fn hits(&self) -> &[Hit] {
+        self.cluster.hits()
+    }
+
     /// Turns into `direction` at parameter `t` of its line, in the open.
     pub fn turn(&mut self, t: f64, direction: DVec3) {
         self.cone[0] = self.width(t);

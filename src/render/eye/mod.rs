@@ -8,6 +8,7 @@ mod claim;
 mod component;
 mod light;
 mod media;
+mod replay;
 mod roulette;
 mod single;
 
@@ -16,6 +17,7 @@ use std::ops::ControlFlow;
 pub(super) use claim::BRIGHTEST;
 pub use claim::Claim;
 pub use component::{Component, Sample};
+pub use replay::{Happening, Told};
 
 use crate::gather::march::Marcher;
 use crate::gather::{FluxMap, GlobalMap, IrradianceCache, PointMaps, Queue, SurfaceMap, VisibilityMap, VolumeMaps};
@@ -254,6 +256,16 @@ impl<'s> Eye<'s> {
     /// What is seen along `ray`, which starts inside these solids.
     pub fn look(&self, ray: Ray, inside: Inside, context: &mut Context<'_, 's>) -> Sample {
         let mut sample = Sample::default();
+        let part = self.start(ray, inside);
+        let mut parts = std::mem::take(context.parts);
+        travel(&mut Looking { eye: self, sample: &mut sample, context }, part, &mut parts);
+        *context.parts = parts;
+        claim::check(&mut sample.radiance, context.tally);
+        sample
+    }
+
+    /// A path at its start.
+    fn start(&self, ray: Ray, inside: Inside) -> Part<'s, Path> {
         let splits = matches!(self.settings.mode, Mode::Split);
         let own = Path {
             first: None,
@@ -273,12 +285,7 @@ impl<'s> Eye<'s> {
             landing: None,
         };
         let walk = Walk::start(self.scene, ray, inside).spread(self.settings.spread);
-        let part = Part { walk, luggage: Luggage::new(Rgb::ONE, own), collision: None };
-        let mut parts = std::mem::take(context.parts);
-        travel(&mut Looking { eye: self, sample: &mut sample, context }, part, &mut parts);
-        *context.parts = parts;
-        claim::check(&mut sample.radiance, context.tally);
-        sample
+        Part { walk, luggage: Luggage::new(Rgb::ONE, own), collision: None }
     }
 
     /// What a gather ray finds of scattered light, along `direction` from a surface to which `walk` has come, and how far away the
