@@ -32,6 +32,8 @@ pub enum Error {
     },
     /// The work was done, and what it found is not what was asked for. The message is complete.
     Failed(String),
+    /// A scene was checked, and is not to be believed. The message is complete.
+    Doubt(String),
     /// The user interrupted the work.
     Interrupted,
 }
@@ -47,11 +49,12 @@ impl Error {
         Error::Output { path: path.as_ref().to_path_buf(), message: message.to_string() }
     }
 
-    /// The process's exit status: 1 failed, 2 bad usage or bad input, 130 interrupted.
+    /// The process's exit status: 1 failed, 2 bad usage or bad input, 3 a scene that is not to be believed, 130 interrupted.
     pub fn exit_status(&self) -> u8 {
         match self {
             Error::Usage(_) | Error::Scene(_) | Error::Asset { .. } | Error::Limit(_) => 2,
             Error::Output { .. } | Error::Failed(_) => 1,
+            Error::Doubt(_) => 3,
             Error::Interrupted => 130,
         }
     }
@@ -60,9 +63,11 @@ impl Error {
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Error::Usage(message) | Error::Scene(message) | Error::Limit(message) | Error::Failed(message) => {
-                f.write_str(message)
-            }
+            Error::Usage(message)
+            | Error::Scene(message)
+            | Error::Limit(message)
+            | Error::Failed(message)
+            | Error::Doubt(message) => f.write_str(message),
             Error::Asset { path, message } => write!(f, "{}: {message}", path.display()),
             Error::Output { path, message } => write!(f, "cannot write {}: {message}", path.display()),
             Error::Interrupted => f.write_str("interrupted"),

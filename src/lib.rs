@@ -22,6 +22,7 @@
 //! - [`transport`] is the journey that photons and eye paths share: from vertex to vertex, through media and boundaries;
 //!   light asked for and met, free flights, transmittance, and Russian roulette that keeps the sum of a weight.
 //! - [`light`], [`surface`], [`medium`] and [`geometry`] hold the kinds a scene can be made of, one file each.
+//! - [`check`] says whether a scene can be believed: estimators against each other, energy, geometry.
 //! - [`compare`] renders several estimates of a scene and measures their errors against run time.
 //! - `report`, with the feature of that name, shows what a comparison found.
 //! - [`image`] reads and writes pictures and says how far one is from another; [`math`] lies beneath.
@@ -51,6 +52,7 @@
 
 #![warn(missing_docs)]
 
+pub mod check;
 #[cfg(feature = "cli")]
 pub mod cli;
 pub mod compare;

@@ -233,7 +233,6 @@ fn what_is_wrong_is_refused_before_the_work() {
         (vec!["info", "notes.txt"], 2, ".toml, .vdb, .npy, .obj"),
         (vec!["info", "broken.exr"], 2, "broken.exr"),
         (vec!["plan", NAME], 2, "`volpm plan` is not supported yet"),
-        (vec!["check", NAME], 2, "`volpm check` is not supported yet"),
         (vec!["new", "scene"], 2, "`volpm new` is not supported yet"),
         (vec!["help", "media.fog.sigma_s"], 2, "not supported yet"),
         (render(&["--passes", "0"]), 2, "--passes"),

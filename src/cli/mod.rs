@@ -1,5 +1,6 @@
 //! The command line: one file a command. Nothing else in this crate prints.
 
+mod check;
 mod compare;
 mod diff;
 mod info;
@@ -38,6 +39,8 @@ enum Command {
     Render(render::Arguments),
     /// Error against run time for several estimates of a scene.
     Compare(compare::Arguments),
+    /// Whether a scene can be believed: estimators against each other, energy, leaks, what is not finite.
+    Check(check::Arguments),
     /// Error figures of one image against another.
     Diff(diff::Arguments),
     /// Joins checkpoints of one scene made with other seeds or passes.
@@ -46,7 +49,8 @@ enum Command {
     Info(info::Arguments),
 }
 
-/// Runs the program and returns its exit status: 0 done; 1 failed; 2 bad usage or bad input; 130 interrupted.
+/// Runs the program and returns its exit status: 0 done; 1 failed; 2 bad usage or bad input; 3 a checked scene
+/// is not to be believed; 130 interrupted.
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let arguments: Vec<OsString> = arguments.into_iter().collect();
     let asks_for_help = arguments.get(1).is_some_and(|first| first == "help");
@@ -65,6 +69,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let done = match arguments.command {
         Command::Render(arguments) => render::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),
+        Command::Check(arguments) => check::run(&arguments),
         Command::Diff(arguments) => diff::run(&arguments),
         Command::Merge(arguments) => merge::run(&arguments),
         Command::Info(arguments) => info::run(&arguments),
@@ -84,7 +89,7 @@ fn status(done: Result<()>) -> ExitCode {
 }
 
 /// Commands that the manual promises for later.
-const LATER_COMMANDS: [&str; 3] = ["plan", "check", "new"];
+const LATER_COMMANDS: [&str; 2] = ["plan", "new"];
 
 /// What to say where the command line is refused for a command that is not built yet.
 fn still_to_come(error: &clap::Error, asks_for_help: bool) -> Option<String> {

@@ -45,6 +45,7 @@ pub use instructions::Instructions;
 pub use pass::{Traced, trace};
 pub use radius::{Filling, InMedium, Radii, Radius, narrowing};
 pub use shadows::{ShadowPass, ShadowPhoton, Shadows, Sight, served_lights, trace_shadows};
+pub(crate) use sinks::leaves_out_deep;
 pub use store::{PackedNormal, Photon};
 pub use surfaces::{Kind, Landed, SurfacePass, may_land, trace_surfaces};
 pub use tracer::Pass;

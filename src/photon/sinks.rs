@@ -117,6 +117,11 @@ impl<'s> VolumeQuota<'s> {
     }
 }
 
+/// Whether photons deep in a medium are left out of the volume map, as they are not seen: it does not hold all light.
+pub(crate) fn leaves_out_deep(scene: &Scene, medium: u32) -> bool {
+    VolumeQuota::new(scene, SingleScattering::Photons).is_deep(medium)
+}
+
 /// The photons that collisions and flights leave for the volume map.
 #[derive(Debug, Default)]
 pub(super) struct VolumeSink {

@@ -128,6 +128,11 @@ impl Inside {
         self.solids.contains(&solid)
     }
 
+    /// All of them, those with precedence first.
+    pub fn solids(&self) -> &[u32] {
+        &self.solids
+    }
+
     /// These solids with `solid` added or left out.
     pub fn with(&self, solid: u32, inside: bool) -> Self {
         let mut changed = self.clone();

@@ -1,0 +1,230 @@
+//! Photon maps of a scene, as it asks for them and otherwise, each with the radii that it has and with half of them.
+
+use super::bench::{Bench, FEWEST, Series};
+use super::halt::seconds_of_threads;
+use super::judge::{Blurred, Side, biased, percent};
+use super::report::{Outcome, Row};
+use crate::photon::{Ball, Radius};
+use crate::render::{self, Camera, Limits, Plan, SharedPhotons};
+use crate::scene::Settings;
+use crate::scene::description::{Estimate, Indirect, Kernel, Method, SingleScattering, SurfaceEstimate};
+use crate::{Error, Result};
+
+/// The most photons in a map, for each minute that the check may take.
+const PHOTONS: f64 = 100_000.0;
+/// Pictures of each.
+const SEEDS: usize = 6;
+/// An adaptive radius is halved where it covers so many times fewer photons: in space, and on a surface.
+const IN_SPACE: u32 = 8;
+const ON_SURFACES: u32 = 4;
+/// No radius is found from fewer photons.
+const FEWEST_NEIGHBOURS: u32 = 8;
+/// Radii that move more of the light than this share blur a picture too much to be believed.
+const BLURRED: f64 = 0.25;
+/// So do blocks of one picture that differ from those of the next by more than this.
+const NOISY: f64 = 0.25;
+
+/// A way to gather photons.
+pub struct Variant {
+    /// What it is called.
+    pub name: &'static str,
+    wide: Settings,
+    narrow: Settings,
+    /// Pictures of both.
+    pub series: Option<(Series, Series)>,
+}
+
+/// Ways to gather the photons of a scene, its own first.
+///
+/// # Errors
+/// As [`Plan::new`].
+pub fn variants(bench: &Bench<'_>, minutes: f64) -> Result<Vec<Variant>> {
+    let mut own = bench.settings.clone();
+    own.render.method = Method::Photon;
+    if own.volume.single_scattering == SingleScattering::Approximate {
+        own.volume.single_scattering = SingleScattering::Traced;
+    }
+    let most = ((PHOTONS * minutes) as u64).max(1000);
+    let wanted = render::volume_photons(bench.scene, &own);
+    // Numbers that a map is not asked for are chosen by the scene.
+    let fewer = |photons: Option<u64>, chosen: u64| Some(photons.unwrap_or(chosen).min(most));
+    own.photons.volume = fewer(own.photons.volume, wanted.max(1));
+    if wanted == 0 {
+        own.photons.volume = Some(most);
+    }
+    own.photons.caustic = own.photons.caustic.map(|photons| photons.min(most));
+    own.photons.global = own.photons.global.map(|photons| photons.min(most));
+    let mut all = vec![variant(bench, "photons", own.clone())?];
+    if wanted > 0 {
+        let with = |estimate, kernel| {
+            let mut settings = own.clone();
+            (settings.volume.estimate, settings.volume.kernel) = (estimate, kernel);
+            // What differs is in media: paths tell what surfaces send to one another soonest.
+            if matches!(settings.surface.indirect, Indirect::FinalGather | Indirect::Map) {
+                settings.surface.indirect = Indirect::Path;
+            }
+            settings
+        };
+        for (name, settings) in [
+            ("beams, fixed radii", with(Estimate::Beam, Kernel::Fixed)),
+            ("beams, adaptive radii", with(Estimate::Beam, Kernel::Variable)),
+            ("points", with(Estimate::Point, own.volume.kernel)),
+        ] {
+            if settings.volume != own.volume {
+                all.push(variant(bench, name, settings)?);
+            }
+        }
+    }
+    Ok(all)
+}
+
+fn variant(bench: &Bench<'_>, name: &'static str, wide: Settings) -> Result<Variant> {
+    let camera = Camera::new(&bench.scene.camera, &wide.film);
+    let plan = Plan::new(bench.scene, &wide, &camera, &Limits::default())?;
+    let mut narrow = wide.clone();
+    match plan.radius {
+        Radius::Fixed(radius) => narrow.volume.radius = Some(0.5 * f64::from(radius)),
+        Radius::Variable { neighbours, pilot, max_radius } => {
+            let fewer = (neighbours / IN_SPACE).max(FEWEST_NEIGHBOURS.min(neighbours));
+            narrow.volume.neighbours = Some(fewer);
+            narrow.volume.pilot = narrow.volume.pilot.map(|_| pilot.min(fewer).max(5));
+            narrow.volume.max_radius = Some(0.5 * f64::from(max_radius));
+        }
+    }
+    let surface = &mut narrow.surface;
+    surface.neighbours = (surface.neighbours / ON_SURFACES).max(FEWEST_NEIGHBOURS.min(surface.neighbours));
+    surface.max_radius = Some(0.5 * f64::from(plan.global.max_radius));
+    match plan.caustics.0 {
+        crate::gather::Reach::Ball { ball: Ball::Fixed(radius), .. } => surface.radius = Some(0.5 * f64::from(radius)),
+        crate::gather::Reach::Ball { ball: Ball::Nearest { max_radius, .. }, .. }
+        | crate::gather::Reach::Sheets { max_radius, .. } => surface.caustic_radius = Some(0.5 * f64::from(max_radius)),
+    }
+    debug_assert!(surface.estimate != SurfaceEstimate::Fixed || surface.radius.is_some());
+    Ok(Variant { name, wide, narrow, series: None })
+}
+
+/// Pictures of some variants, as many as `seconds` allow.
+///
+/// # Errors
+/// As [`Bench::shoot`].
+pub fn shoot(bench: &Bench<'_>, variants: &mut [Variant], seconds: f64, most: usize) -> Result<()> {
+    let start = seconds_of_threads();
+    bench.halt.allow(seconds);
+    let mut series: Vec<(Series, Series)> = variants.iter().map(|_| Default::default()).collect();
+    for index in 0..SEEDS.min(most) {
+        let Some(shots) = one(bench, variants, bench.seed(index))? else { break };
+        for ((wide, narrow), (own, half)) in series.iter_mut().zip(shots) {
+            wide.shots.push(own);
+            narrow.shots.push(half);
+        }
+        let done = seconds_of_threads() - start;
+        if done * (index as f64 + 2.0) / (index as f64 + 1.0) > seconds {
+            break;
+        }
+    }
+    for (variant, series) in variants.iter_mut().zip(series) {
+        variant.series = (series.0.shots.len() >= FEWEST.min(most)).then_some(series);
+    }
+    Ok(())
+}
+
+type Pair = (super::bench::Shot, super::bench::Shot);
+
+/// Pictures of one seed: all from the same photons. `None` if the clock ended them.
+fn one(bench: &Bench<'_>, variants: &[Variant], seed: u64) -> Result<Option<Vec<Pair>>> {
+    let of = |settings: &Settings| {
+        let mut settings = settings.clone();
+        settings.render.seed = seed;
+        settings
+    };
+    let Some(first) = variants.first() else { return Ok(Some(Vec::new())) };
+    let photons = if render::volume_photons(bench.scene, &first.wide) > 0 {
+        match SharedPhotons::trace(bench.scene, &of(&first.wide), &bench.watch, bench.halt.flag()) {
+            Err(Error::Interrupted) => {
+                bench.halt.go_on()?;
+                return Ok(None);
+            }
+            photons => Some(photons?),
+        }
+    } else {
+        None
+    };
+    let shoot = |settings: &Settings| match &photons {
+        Some(photons) => bench.shoot_shared(&of(settings), photons),
+        None => bench.shoot(&of(settings)),
+    };
+    let mut pairs = Vec::new();
+    for variant in variants {
+        let (Some(wide), Some(narrow)) = (shoot(&variant.wide)?, shoot(&variant.narrow)?) else { return Ok(None) };
+        pairs.push((wide, narrow));
+    }
+    Ok(Some(pairs))
+}
+
+/// A variant against unbiased pictures: of all light by paths, and of what is not seen in mirrors by light paths.
+pub fn judged(variant: &Variant, judges: &[(&Side<'_>, bool)], misses: Option<&str>) -> Vec<Row> {
+    let test = |judge: &str| format!("{} ↔ {judge}", variant.name);
+    let Some((wide, narrow)) = &variant.series else {
+        return vec![Row::not_applicable(test("path"), "there was no time for enough pictures: allow more --time")];
+    };
+    if judges.is_empty() {
+        return vec![Row::not_applicable(test("path"), "there was no time for a judge: allow more --time")];
+    }
+    let of = |series: &Series, spread: bool| if spread { series.spread() } else { series.blocks() };
+    judges
+        .iter()
+        .map(|(judge, spread)| {
+            let (wide, narrow) = (of(wide, *spread), of(narrow, *spread));
+            let photons = Blurred { name: variant.name, wide: &wide, narrow: &narrow, misses };
+            biased(&test(judge.name), &photons, judge)
+        })
+        .collect()
+}
+
+/// How much the scene's own radii blur, and how noisy its pictures are.
+pub fn quality(bench: &Bench<'_>, own: &Variant) -> Vec<Row> {
+    const BLUR: &str = "photons: bias of their radii";
+    const NOISE: &str = "photons: noise";
+    let Some((wide, narrow)) = &own.series else {
+        return vec![Row::not_applicable(BLUR, "there was no time for enough pictures: allow more --time")];
+    };
+    let (wide, narrow) = (wide.blocks(), narrow.blocks());
+    if wide.level() <= 0.0 {
+        return vec![Row::not_applicable(BLUR, "photons find no light")];
+    }
+    let photons = Blurred { name: own.name, wide: &wide, narrow: &narrow, misses: None };
+    // A picture with more photons has narrower discs. Bias falls no less than with the radius.
+    let mut asked = bench.settings.clone();
+    asked.render.method = Method::Photon;
+    let wanted = render::volume_photons(bench.scene, &asked);
+    let traced = own.wide.photons.volume.unwrap_or(wanted).min(wanted.max(1));
+    let more = if wanted > 0 { wanted as f64 / traced as f64 } else { 1.0 };
+    let fixed = own.wide.volume.kernel == Kernel::Fixed && own.wide.volume.radius.is_some();
+    let blur = photons.blur() * if fixed { 1.0 } else { more.powf(-1.0 / 3.0) };
+    let noise = photons.noise();
+    let scaled =
+        if more > 1.0 { format!(", from maps of {traced} photons for one of {wanted}") } else { String::new() };
+    let outcome = |value: f64, most: f64| if value <= most { Outcome::Pass } else { Outcome::Fail };
+    vec![
+        Row::new(
+            BLUR,
+            outcome(blur, BLURRED),
+            format!(
+                "{} of the light, root mean square over blocks{scaled}; above {} it is not to be believed",
+                percent(blur),
+                percent(BLURRED)
+            ),
+        )
+        .with(blur),
+        Row::new(
+            NOISE,
+            outcome(noise, NOISY),
+            format!(
+                "blocks of one picture differ by {} from those of the next{scaled}; above {} there are too few photons",
+                percent(noise),
+                percent(NOISY)
+            ),
+        )
+        .with(noise),
+    ]
+}
