@@ -6,6 +6,7 @@ mod beam_against_path;
 mod cameras;
 #[cfg(feature = "cli")]
 mod caustics;
+mod check;
 mod cli;
 mod closed_forms;
 mod compare;

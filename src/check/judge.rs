@@ -29,6 +29,15 @@ pub struct Side<'b> {
     pub blocks: &'b Blocks,
     /// Why it may lack some light, if it may.
     pub misses: Option<&'b str>,
+    /// Whether the scene itself is rendered so: then what is lacking is missed.
+    pub is_own: bool,
+}
+
+impl<'b> Side<'b> {
+    /// Why a lack of light is not held against it.
+    fn excuse(&self) -> Option<&'b str> {
+        self.misses.filter(|_| !self.is_own)
+    }
 }
 
 /// A block and channel in which two sides differ.
@@ -61,7 +70,7 @@ pub fn unbiased(test: &str, a: &Side<'_>, b: &Side<'_>) -> Row {
     let limit = ALPHA / all.len() as f64;
     let (mut faults, mut excused): (Vec<Apart>, Vec<Apart>) = (Vec::new(), Vec::new());
     for (block, welch, mean) in tests.iter().filter(|(_, welch, _)| welch.p <= limit) {
-        let lacks = if welch.difference > 0.0 { b.misses } else { a.misses };
+        let lacks = if welch.difference > 0.0 { b.excuse() } else { a.excuse() };
         let apart = Apart { block: *block, share: welch.difference / mean, p: welch.p };
         if lacks.is_some() { excused.push(apart) } else { faults.push(apart) }
     }
@@ -88,14 +97,16 @@ pub fn unbiased(test: &str, a: &Side<'_>, b: &Side<'_>) -> Row {
     // What would have shown.
     let sees = resolution(tests.iter().map(|(_, welch, mean)| (welch.error, *mean)), level, limit, a.blocks.seeds());
     if let Some(worst) = faults.iter().min_by(|a, b| a.p.total_cmp(&b.p)) {
+        let why = if worst.share > 0.0 { b.misses } else { a.misses };
         return row(
             Outcome::Fail,
             format!(
-                "{} is {} than {} in {}: p = {:.1e}; so it is in {} of {} blocks and channels (Holm)",
+                "{} is {} than {} in {}{}: p = {:.1e}; so it is in {} of {} blocks and channels (Holm)",
                 a.name,
                 apart(worst.share),
                 b.name,
                 a.blocks.place(worst.block),
+                why.map_or(String::new(), |why| format!(", as {why}")),
                 worst.p,
                 holm(&all, ALPHA),
                 all.len()
@@ -112,7 +123,7 @@ pub fn unbiased(test: &str, a: &Side<'_>, b: &Side<'_>) -> Row {
         );
     }
     if let Some(first) = excused.iter().min_by(|a, b| a.p.total_cmp(&b.p)) {
-        let why = if first.share > 0.0 { b.misses } else { a.misses }.unwrap_or_default();
+        let why = if first.share > 0.0 { b.excuse() } else { a.excuse() }.unwrap_or_default();
         let outcome = if 2 * excused.len() > all.len() { Outcome::NotApplicable } else { Outcome::Pass };
         return row(
             outcome,

@@ -83,8 +83,15 @@ pub fn run(request: &Request, watch: &dyn Progress, stop: &AtomicBool) -> Result
     Halt::with(stop, |halt| {
         let bench = Bench::new(&scene, &settings, halt, watch);
         let names = Names::new(&description, &scene);
-        let mut check =
-            Check { request, start: spent, description: &description, scene: &scene, settings: &settings, bench, names };
+        let mut check = Check {
+            request,
+            start: spent,
+            description: &description,
+            scene: &scene,
+            settings: &settings,
+            bench,
+            names,
+        };
         let (width, height) = check.bench.settings.film.size();
         let mut report = Report {
             scene: description.path.display().to_string(),
@@ -249,22 +256,23 @@ impl Check<'_> {
         let all = path.as_ref().map(Series::blocks);
         let spread = path.as_ref().map(Series::spread);
         let light = light.as_ref().map(Series::spread);
-        let side = |blocks, name, misses| Side { name, blocks, misses };
+        let own = self.settings.render.method;
+        let side = |blocks, method: Method, misses| Side { name: method.name(), blocks, misses, is_own: method == own };
         rows.push(match &all {
             Some(all) if all.seeds() >= 6 => {
                 let [even, odd] = [0, 1].map(|half| all.some(|seed| seed % 2 == half));
-                let half = |blocks, name| Side { name, blocks, misses: None };
+                let half = |blocks, name| Side { name, blocks, misses: None, is_own: false };
                 unbiased("path ↔ path", &half(&even, "every second seed"), &half(&odd, "every other seed"))
             }
             _ => Row::not_applicable("path ↔ path", time),
         });
-        let judge = light.as_ref().map(|blocks| side(blocks, "light", light_lacks));
+        let judge = light.as_ref().map(|blocks| side(blocks, Method::Light, light_lacks));
         rows.push(match (&spread, &judge) {
-            (Some(spread), Some(judge)) => unbiased("path ↔ light", &side(spread, "path", path_lacks), judge),
+            (Some(spread), Some(judge)) => unbiased("path ↔ light", &side(spread, Method::Path, path_lacks), judge),
             _ => Row::not_applicable("path ↔ light", time),
         });
         // Light paths tell what paths may lack.
-        let path = all.as_ref().map(|blocks| side(blocks, "path", path_lacks));
+        let path = all.as_ref().map(|blocks| side(blocks, Method::Path, path_lacks));
         let lacking = path_lacks.is_some() || path.is_none();
         let judges: Vec<(&Side<'_>, bool)> = path
             .iter()
