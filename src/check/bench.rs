@@ -54,12 +54,12 @@ pub struct Series {
 impl Series {
     /// All light, by blocks.
     pub fn blocks(&self) -> Blocks {
-        Blocks::of(self.shots.iter().map(|shot| &shot.image))
+        Blocks::of(self.shots.iter().map(|shot| &shot.image), BLOCK)
     }
 
     /// That without what is seen in mirrors and through boundaries.
     pub fn spread(&self) -> Blocks {
-        Blocks::of(self.shots.iter().map(|shot| &shot.spread))
+        Blocks::of(self.shots.iter().map(|shot| &shot.spread), BLOCK)
     }
 }
 

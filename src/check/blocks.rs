@@ -3,12 +3,14 @@
 use super::statistics::Mean;
 use crate::image::Image;
 
-/// Pixels along the edge of a block.
+/// Pixels along the edge of a block of a small picture.
 pub const BLOCK: usize = 6;
 
 /// What the pictures of one estimator hold in each block, and in the whole.
 #[derive(Clone, Debug)]
 pub struct Blocks {
+    /// Pixels along the edge of a block.
+    pub block: usize,
     /// Blocks across.
     pub columns: usize,
     width: usize,
@@ -18,11 +20,11 @@ pub struct Blocks {
 }
 
 impl Blocks {
-    /// Of pictures of one size.
-    pub fn of<'i>(images: impl IntoIterator<Item = &'i Image>) -> Blocks {
-        let mut blocks = Blocks { columns: 0, width: 0, height: 0, values: Vec::new() };
+    /// Of pictures of one size, in blocks of `block` × `block` pixels.
+    pub fn of<'i>(images: impl IntoIterator<Item = &'i Image>, block: usize) -> Blocks {
+        let mut blocks = Blocks { block, columns: 0, width: 0, height: 0, values: Vec::new() };
         for image in images {
-            let means = image.block_means(BLOCK);
+            let means = image.block_means(block);
             (blocks.columns, blocks.width, blocks.height) = (means.width, image.width, image.height);
             let whole = image.channel_means();
             let each = means.pixels.iter().map(|pixel| pixel.map(f64::from));
@@ -74,8 +76,8 @@ impl Blocks {
         if block + 1 == self.count() {
             return "the whole picture".to_string();
         }
-        let (x, y) = (block % self.columns * BLOCK, block / self.columns * BLOCK);
-        let (right, bottom) = ((x + BLOCK).min(self.width), (y + BLOCK).min(self.height));
+        let (x, y) = (block % self.columns * self.block, block / self.columns * self.block);
+        let (right, bottom) = ((x + self.block).min(self.width), (y + self.block).min(self.height));
         format!("pixels {x}..{} × {y}..{}", right - 1, bottom - 1)
     }
 }

@@ -10,10 +10,14 @@ use crate::geometry::Shape;
 use crate::math::random::Purpose;
 use crate::math::{DVec3, Ray, Stream, sampling};
 use crate::scene::{Description, Inside, Scene};
-use crate::transport::{Segment, Stop, Visitor, Walk};
+use crate::transport::{Segment, Stop, Visitor, Walk, pass_by_chance};
 
 /// Lines through the solids.
-const LINES: u64 = 20_000;
+const LINES: u64 = 10_000;
+/// Of a line so many pieces are looked at.
+const MOST_PIECES: usize = 64;
+/// Of a solid so many others that are not there with it are noted at one place.
+const MOST_APART: usize = 64;
 /// Pieces shorter than this share of the scene are not looked at: their ends round.
 const SHORT: f64 = 1e-6;
 /// The share of pieces that may disagree by rounding at edges.
@@ -32,27 +36,42 @@ struct Found {
     apart: HashSet<(u32, u32)>,
 }
 
-/// The pieces of a line.
-struct Pieces<'f> {
-    all: Vec<(f64, f64, Inside)>,
+/// Passes whatever there is.
+struct Passing<'f> {
     stream: &'f mut Stream,
 }
 
-impl Visitor for Pieces<'_> {
+impl Visitor for Passing<'_> {
     type End = Infallible;
 
-    fn segment(&mut self, segment: &Segment<'_>) -> ControlFlow<Infallible> {
-        self.all.push((segment.a, segment.b, segment.inside.clone()));
+    fn segment(&mut self, _: &Segment<'_>) -> ControlFlow<Infallible> {
         ControlFlow::Continue(())
     }
 
     fn mixture(&mut self, passes: f64, _: bool) -> Option<f64> {
-        crate::transport::pass_by_chance(passes, self.stream)
+        pass_by_chance(passes, self.stream)
     }
 }
 
-/// Walks along lines through the solids: what a walk is inside of must be what contains the middle of each piece of it, and nothing
-/// once it has left the scene. What crosses itself, or has a hole, shows.
+/// What a walk that starts inside of these solids is inside of when it has come to parameter `t` of a line, through all that is there.
+fn walked(scene: &Scene, ray: &Ray, start: &Inside, t: f64, stream: &mut Stream) -> Inside {
+    let mut walk = Walk::new(scene, *ray, start.clone()).until(t);
+    loop {
+        match walk.advance(&mut Passing { stream }) {
+            Stop::Surface(at) => {
+                walk.leave(&at, ray.direction);
+                // It may be on a line of its own now.
+                let left = (ray.at(t) - walk.ray.origin).dot(ray.direction);
+                walk = walk.until(left);
+            }
+            Stop::Escaped => return walk.inside,
+            Stop::Ended(never) => match never {},
+        }
+    }
+}
+
+/// Walks along lines through the solids: what a walk is inside of must be what contains the middle of each piece of it, and the last of
+/// them is beyond all. What crosses itself, or has a hole, shows.
 fn lines(scene: &Scene, seed: u64, stop: &dyn Fn() -> bool) -> Found {
     let mut found = Found::default();
     let bounds = scene.near_bounds();
@@ -77,47 +96,37 @@ fn lines(scene: &Scene, seed: u64, stop: &dyn Fn() -> bool) -> Found {
 }
 
 fn line(scene: &Scene, ray: Ray, short: f64, stream: &mut Stream, found: &mut Found) {
+    // Where it crosses boundaries of solids; beyond the last one there is nothing.
+    let mut crossings = Vec::new();
+    scene.geometry.all_hits(&ray, 0.0, f64::INFINITY, |hit| {
+        if scene.surfaces[hit.id as usize].solid.is_some() {
+            crossings.push(hit.t);
+        }
+    });
+    crossings.sort_by(f64::total_cmp);
+    crossings.extend(crossings.last().map(|last| last + 1e3 * short));
     let start = scene.inside(ray.origin);
-    let mut walk = Walk::new(scene, ray, start.clone());
-    let mut check = |p: DVec3, inside: &Inside| {
-        let truth = scene.inside(p);
-        found.pieces += 1;
-        let (walked, there) = (inside.solids(), truth.solids());
+    for piece in crossings.windows(2).take(MOST_PIECES).filter(|piece| piece[1] - piece[0] > short) {
+        let middle = 0.5 * (piece[0] + piece[1]);
+        let (walked, truth) = (walked(scene, &ray, &start, middle, stream), scene.inside(ray.at(middle)));
+        found.compare(scene, ray.at(middle), (walked.solids(), truth.solids()));
+    }
+}
+
+impl Found {
+    /// Notes what a walk is inside of at a place, and what contains that.
+    fn compare(&mut self, scene: &Scene, p: DVec3, (walked, there): (&[u32], &[u32])) {
+        self.pieces += 1;
         let differ = walked.iter().filter(|solid| !there.contains(solid));
         for solid in differ.chain(there.iter().filter(|solid| !walked.contains(solid))) {
-            found.leaks.entry(*solid).or_insert((0, p)).0 += 1;
+            self.leaks.entry(*solid).or_insert((0, p)).0 += 1;
         }
         for (index, &a) in there.iter().enumerate() {
             for &b in &there[index + 1..] {
-                found.together.entry((a.min(b), a.max(b))).or_insert(p);
+                self.together.entry((a.min(b), a.max(b))).or_insert(p);
             }
-        }
-        // Which pairs are ever found apart is asked of pairs that are found together only.
-        for &a in there {
-            found.apart.extend((0..scene.solids.len() as u32).filter(|b| !there.contains(b)).take(64).map(|b| (a, b)));
-        }
-    };
-    // Each piece in its own ray: where a walk stops, the next begins.
-    for _ in 0..1000 {
-        let mut pieces = Pieces { all: Vec::new(), stream };
-        let stop = walk.advance(&mut pieces);
-        let at = walk.ray;
-        for (a, b, inside) in pieces.all {
-            if b.is_finite() && b - a > short {
-                check(at.at(0.5 * (a + b)), &inside);
-            }
-        }
-        match stop {
-            Stop::Surface(interaction) => walk.leave(&interaction, ray.direction),
-            Stop::Escaped => {
-                // What had no medium is no piece, but shows in the end.
-                if walk.inside != start {
-                    let solids = walk.inside.solids().iter().filter(|solid| !start.contains(**solid));
-                    solids.for_each(|solid| found.leaks.entry(*solid).or_insert((0, walk.ray.origin)).0 += 1);
-                }
-                return;
-            }
-            Stop::Ended(never) => match never {},
+            let others = (0..scene.solids.len() as u32).filter(|b| !there.contains(b));
+            self.apart.extend(others.take(MOST_APART).map(|b| (a, b)));
         }
     }
 }
@@ -130,8 +139,7 @@ pub fn boundaries(
 ) -> Vec<Row> {
     const LEAKS: &str = "boundaries without leaks";
     const OVERLAPS: &str = "overlaps of solids";
-    let shapes = scene.solids.iter().filter(|solid| (solid.shape as usize) < scene.surfaces.len()).count();
-    if shapes == 0 {
+    if scene.solids.is_empty() {
         return vec![Row::not_applicable(LEAKS, "nothing is inside of anything")];
     }
     let found = lines(scene, seed, stop);
@@ -139,7 +147,7 @@ pub fn boundaries(
     let leaks: u64 = found.leaks.values().map(|(count, _)| count).sum();
     let share = leaks as f64 / found.pieces.max(1) as f64;
     let row = match found.leaks.iter().max_by_key(|(_, (count, _))| *count) {
-        _ if found.pieces == 0 => Row::not_applicable(LEAKS, "no line passed a medium"),
+        _ if found.pieces == 0 => Row::not_applicable(LEAKS, "no line crossed a boundary"),
         Some((solid, (count, place))) if share > ROUNDING => Row::new(
             LEAKS,
             Outcome::Fail,

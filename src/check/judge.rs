@@ -1,7 +1,7 @@
 //! Estimators against each other: unbiased ones by Welch's t-test over blocks of the picture with the histogram of its p-values
 //! (Jung, Hanika and Dachsbacher 2020, "Detecting bias in Monte Carlo renderers using Welch's t-test"), biased ones by equivalence.
 
-use super::blocks::{BLOCK, Blocks};
+use super::blocks::Blocks;
 use super::report::{Outcome, PMap, Row};
 use super::statistics::{Mean, Welch, excess_of_small, histogram, holm, student_quantile};
 
@@ -41,122 +41,140 @@ impl<'b> Side<'b> {
 }
 
 /// A block and channel in which two sides differ.
-struct Apart {
+struct Apart<'d> {
     block: usize,
     share: f64,
     p: f64,
+    /// The side that has less.
+    lacking: &'d Side<'d>,
 }
 
 /// Compares two unbiased estimators.
 pub fn unbiased(test: &str, a: &Side<'_>, b: &Side<'_>) -> Row {
-    let (count, level) = (a.blocks.count(), 0.5 * (a.blocks.level() + b.blocks.level()));
+    let level = 0.5 * (a.blocks.level() + b.blocks.level());
     if level <= 0.0 {
         return Row::not_applicable(test, format!("neither {} nor {} finds any light", a.name, b.name));
     }
+    let duel = Duel::new(a, b, level);
+    let (outcome, found) = duel.verdict();
+    Row { map: Some(duel.map()), ..Row::new(test, outcome, found).with(duel.least()) }
+}
 
-    // Every block and channel.
-    let places = || (0..count).flat_map(|block| (0..3).map(move |channel| (block, channel)));
-    let tests: Vec<(usize, Welch, f64)> = places()
-        .map(|(block, channel)| {
+/// Two unbiased estimators, compared.
+struct Duel<'d> {
+    a: &'d Side<'d>,
+    b: &'d Side<'d>,
+    /// The mean over pixels and channels.
+    level: f64,
+    /// Of each block and channel: the block, the test, and the mean of both.
+    tests: Vec<(usize, Welch, f64)>,
+    /// By block, the p-value of all channels together, and whether the block is not dark.
+    greys: Vec<(f64, bool)>,
+}
+
+impl<'d> Duel<'d> {
+    fn new(a: &'d Side<'d>, b: &'d Side<'d>, level: f64) -> Self {
+        let count = a.blocks.count();
+        let test = |(block, channel)| {
             let (a, b) = (a.blocks.mean(block, channel), b.blocks.mean(block, channel));
             let mut welch = Welch::test(&a, &b);
             if welch.difference.abs() < NOTHING * level {
                 welch.p = 1.0;
             }
             (block, welch, 0.5 * (a.value + b.value))
-        })
-        .collect();
-    let all: Vec<f64> = tests.iter().map(|(_, welch, _)| welch.p).collect();
-    let limit = ALPHA / all.len() as f64;
-    let (mut faults, mut excused): (Vec<Apart>, Vec<Apart>) = (Vec::new(), Vec::new());
-    for (block, welch, mean) in tests.iter().filter(|(_, welch, _)| welch.p <= limit) {
-        let lacks = if welch.difference > 0.0 { b.excuse() } else { a.excuse() };
-        let apart = Apart { block: *block, share: welch.difference / mean, p: welch.p };
-        if lacks.is_some() { excused.push(apart) } else { faults.push(apart) }
-    }
-
-    // Their distribution.
-    let greys: Vec<(f64, bool)> = (0..count - 1)
-        .map(|block| {
+        };
+        let grey = |block| {
             let (a, b) = (a.blocks.grey(block), b.blocks.grey(block));
             (Welch::test(&a, &b).p, 0.5 * (a.value + b.value) > 3.0 * DARK * level)
-        })
-        .collect();
-    let lit: Vec<f64> = greys.iter().filter(|(_, lit)| *lit).map(|(p, _)| *p).collect();
-    let excess = excess_of_small(&lit);
-    let complete = a.misses.is_none() && b.misses.is_none();
-    let map = PMap {
-        block: BLOCK,
-        columns: a.blocks.columns,
-        histogram: histogram(&lit),
-        p: greys.iter().map(|(p, _)| *p).collect(),
-    };
-    let least = all.iter().copied().fold(1.0, f64::min);
-    let row = |outcome, found: String| Row { map: Some(map.clone()), ..Row::new(test, outcome, found).with(least) };
+        };
+        Duel { a, b, level, tests: places(count).map(test).collect(), greys: (0..count - 1).map(grey).collect() }
+    }
 
-    // What would have shown.
-    let sees = resolution(tests.iter().map(|(_, welch, mean)| (welch.error, *mean)), level, limit, a.blocks.seeds());
-    if let Some(worst) = faults.iter().min_by(|a, b| a.p.total_cmp(&b.p)) {
-        let why = if worst.share > 0.0 { b.misses } else { a.misses };
-        return row(
-            Outcome::Fail,
-            format!(
-                "{} is {} than {} in {}{}: p = {:.1e}; so it is in {} of {} blocks and channels (Holm)",
-                a.name,
-                apart(worst.share),
-                b.name,
-                a.blocks.place(worst.block),
-                why.map_or(String::new(), |why| format!(", as {why}")),
-                worst.p,
-                holm(&all, ALPHA),
-                all.len()
-            ),
-        );
+    fn all(&self) -> Vec<f64> {
+        self.tests.iter().map(|(_, welch, _)| welch.p).collect()
     }
-    if complete && excess < 0.1 * ALPHA {
-        return row(
-            Outcome::Fail,
-            format!(
-                "too many small p-values over the blocks, though none alone is: chance {excess:.1e}; histogram {:?}",
-                map.histogram
-            ),
-        );
-    }
-    if let Some(first) = excused.iter().min_by(|a, b| a.p.total_cmp(&b.p)) {
-        let why = if first.share > 0.0 { b.excuse() } else { a.excuse() }.unwrap_or_default();
-        let outcome = if 2 * excused.len() > all.len() { Outcome::NotApplicable } else { Outcome::Pass };
-        return row(
-            outcome,
-            format!(
-                "{} is {} than {} in {}, as {why}: not compared in {} of {} blocks and channels; else alike",
-                a.name,
-                apart(first.share),
-                b.name,
-                a.blocks.place(first.block),
-                excused.len(),
-                all.len()
-            ),
-        );
-    }
-    if sees > BLIND {
-        return row(
-            Outcome::NotApplicable,
-            format!("too noisy: differences below {} would not have shown", percent(sees)),
-        );
-    }
-    row(
-        Outcome::Pass,
-        format!("alike: least p {least:.2e} of {}; differences above {} would have shown", all.len(), percent(sees)),
-    )
-}
 
-/// What share of a block's light would have shown, in half of the blocks that are not dark.
-fn resolution(errors: impl Iterator<Item = (f64, f64)>, level: f64, limit: f64, seeds: usize) -> f64 {
-    let quantile = student_quantile(limit, 2.0 * (seeds as f64 - 1.0).max(1.0));
-    let lit = errors.filter(|(_, mean)| *mean > DARK * level);
-    let mut shares: Vec<f64> = lit.map(|(error, mean)| quantile * error / mean).collect();
-    shares.sort_by(f64::total_cmp);
-    shares.get(shares.len() / 2).copied().unwrap_or(f64::INFINITY)
+    fn least(&self) -> f64 {
+        self.all().into_iter().fold(1.0, f64::min)
+    }
+
+    /// The p-value that a test must have to fail by itself.
+    fn limit(&self) -> f64 {
+        ALPHA / self.tests.len() as f64
+    }
+
+    /// The p-values of blocks that are not dark.
+    fn lit(&self) -> Vec<f64> {
+        self.greys.iter().filter(|(_, lit)| *lit).map(|(p, _)| *p).collect()
+    }
+
+    fn map(&self) -> PMap {
+        let Blocks { block, columns, .. } = *self.a.blocks;
+        let p = self.greys.iter().map(|(p, _)| *p).collect();
+        PMap { block, columns, p, histogram: histogram(&self.lit()) }
+    }
+
+    /// Of the tests that fail, those that are held against an estimator, or those that are not, the least p-value first.
+    fn apart(&self, excused: bool) -> Vec<Apart<'d>> {
+        let failed = self.tests.iter().filter(|(_, welch, _)| welch.p <= self.limit());
+        let mut apart: Vec<Apart<'d>> = failed
+            .map(|(block, welch, mean)| {
+                let lacking = if welch.difference > 0.0 { self.b } else { self.a };
+                Apart { block: *block, share: welch.difference / mean, p: welch.p, lacking }
+            })
+            .filter(|apart| apart.lacking.excuse().is_some() == excused)
+            .collect();
+        apart.sort_by(|a, b| a.p.total_cmp(&b.p));
+        apart
+    }
+
+    fn verdict(&self) -> (Outcome, String) {
+        let (a, b, count) = (self.a, self.b, self.tests.len());
+        let tell = |worst: &Apart<'_>| {
+            let why = worst.lacking.misses.map_or(String::new(), |why| format!(", as {why}"));
+            format!("{} is {} than {} in {}{why}", a.name, apart(worst.share), b.name, a.blocks.place(worst.block))
+        };
+        if let Some(worst) = self.apart(false).first() {
+            let failed = holm(&self.all(), ALPHA);
+            let told = tell(worst);
+            return (
+                Outcome::Fail,
+                format!("{told}: p = {:.1e}; so it is in {failed} of {count} blocks and channels (Holm)", worst.p),
+            );
+        }
+        let (excess, complete) = (excess_of_small(&self.lit()), a.misses.is_none() && b.misses.is_none());
+        if complete && excess < 0.1 * ALPHA {
+            let bins = histogram(&self.lit());
+            return (
+                Outcome::Fail,
+                format!(
+                    "too many small p-values over the blocks, though none alone is: chance {excess:.1e}; histogram {bins:?}"
+                ),
+            );
+        }
+        let excused = self.apart(true);
+        if let Some(worst) = excused.first() {
+            let outcome = if 2 * excused.len() > count { Outcome::NotApplicable } else { Outcome::Pass };
+            let told = tell(worst);
+            return (
+                outcome,
+                format!("{told}: not compared in {} of {count} blocks and channels; else alike", excused.len()),
+            );
+        }
+        let sees = percent(self.resolution());
+        if self.resolution() > BLIND {
+            return (Outcome::NotApplicable, format!("too noisy: differences below {sees} would not have shown"));
+        }
+        let least = self.least();
+        (Outcome::Pass, format!("alike: least p {least:.2e} of {count}; differences above {sees} would have shown"))
+    }
+
+    /// What share of a block's light would have shown, in half of the blocks that are not dark.
+    fn resolution(&self) -> f64 {
+        let quantile = student_quantile(self.limit(), 2.0 * (self.a.blocks.seeds() as f64 - 1.0).max(1.0));
+        let lit = self.tests.iter().filter(|(_, _, mean)| *mean > DARK * self.level);
+        median(lit.map(|(_, welch, mean)| quantile * welch.error / mean).collect())
+    }
 }
 
 /// Pictures of a biased estimator: with the radii that it has, and with half of them, from the same photons.
@@ -172,14 +190,7 @@ pub struct Blurred<'b> {
 }
 
 impl Blurred<'_> {
-    /// The bias that its radii declare for a block's channel, and the standard error of that: what radii of half the width
-    /// change, twice. Bias that grows with the radius, as at walls, is that; one that grows with its square less.
-    fn declared(&self, change: &Blocks, block: usize, channel: usize) -> (f64, f64) {
-        let change = change.mean(block, channel);
-        (2.0 * change.value.abs(), 2.0 * change.error())
-    }
-
-    /// The declared bias over the blocks of the picture as a share of its light: the root of the mean square, noise taken off.
+    /// The bias that its radii declare, over the blocks of the picture, as a share of its light: the root of the mean square, noise taken off.
     pub fn blur(&self) -> f64 {
         let change = self.wide.less(self.narrow);
         let last = self.wide.count() - 1;
@@ -205,95 +216,108 @@ impl Blurred<'_> {
 
 /// Compares a biased estimator with an unbiased one: their difference is to lie within the declared bias and what noise explains.
 pub fn biased(test: &str, photons: &Blurred<'_>, judge: &Side<'_>) -> Row {
-    let (count, level) = (judge.blocks.count(), judge.blocks.level());
+    let level = judge.blocks.level();
     if level <= 0.0 && photons.wide.level() <= 0.0 {
         return Row::not_applicable(test, format!("neither {} nor {} finds any light", photons.name, judge.name));
     }
-    let change = photons.wide.less(photons.narrow);
-    let tests = 3 * count;
-    let freedom = (judge.blocks.seeds().min(photons.wide.seeds()) as f64 - 1.0).max(1.0);
-    let errors = student_quantile(ALPHA / tests as f64, freedom + MODERATION).max(ERRORS);
-    let variance = |block, channel| {
-        let (own, other) = (photons.wide.mean(block, channel), judge.blocks.mean(block, channel));
-        own.variance + other.variance + photons.declared(&change, block, channel).1.powi(2)
-    };
-    let light = |block, channel| judge.blocks.mean(block, channel).value.abs().max(DARK * level);
-    let places = || (0..count).flat_map(|block| (0..3).map(move |channel| (block, channel)));
-    let usual =
-        places().map(|(b, c)| variance(b, c)).sum::<f64>() / places().map(|(b, c)| light(b, c).powi(2)).sum::<f64>();
-    // The worst of each kind, by how many times what is allowed it is.
-    let (mut worst, mut fault, mut excused): (f64, Option<String>, Option<(f64, &str)>) = (0.0, None, None);
-    let (mut faults, mut blocks_excused) = (0, 0);
-    let mut widths = Vec::new();
-    for (block, channel) in places() {
-        let (own, other) = (photons.wide.mean(block, channel), judge.blocks.mean(block, channel));
-        let (bias, _) = photons.declared(&change, block, channel);
-        let moderated = MODERATION * usual * light(block, channel).powi(2) + freedom * variance(block, channel);
-        let noise = errors * (moderated / (freedom + MODERATION)).sqrt();
-        let slack = SLACK[0] * other.value.abs() + SLACK[1] * level;
-        let (difference, allowed) = (own.value - other.value, bias + slack + noise);
-        if other.value > DARK * level {
-            widths.push(noise / other.value);
-        }
-        let times = difference.abs() / allowed.max(f64::MIN_POSITIVE);
-        if times <= 1.0 {
-            worst = worst.max(times);
-            continue;
-        }
-        let lacks = if difference > 0.0 { judge.misses } else { photons.misses };
-        match lacks {
-            Some(why) => {
-                blocks_excused += 1;
-                if excused.is_none_or(|(most, _)| times > most) {
-                    excused = Some((times, why));
-                }
-            }
-            None => {
-                faults += 1;
-                if times > worst.max(1.0) || fault.is_none() {
-                    worst = times;
-                    let share = |x: f64| percent(x / light(block, channel));
-                    fault = Some(format!(
-                        "{} is {} than {} in {}; allowed are {} (bias {}, noise {})",
-                        photons.name,
-                        apart(difference / light(block, channel)),
-                        judge.name,
-                        judge.blocks.place(block),
-                        share(allowed),
-                        share(bias),
-                        share(noise)
-                    ));
-                }
-            }
-        }
-    }
-    widths.sort_by(f64::total_cmp);
-    let sees = widths.get(widths.len() / 2).copied().unwrap_or(f64::INFINITY);
-    if let Some(fault) = fault {
-        let found = format!("{fault}; so it is in {faults} of {tests} blocks and channels");
-        return Row::new(test, Outcome::Fail, found).with(worst);
+    let differences = differences(photons, judge, level);
+    let count = differences.len();
+    let lit = differences.iter().filter(|found| found.light > DARK * level);
+    let sees = median(lit.map(|found| found.noise / found.light).collect());
+    let lacks = |found: &&Difference| if found.value > 0.0 { judge.misses } else { photons.misses };
+    let (excused, faults): (Vec<&Difference>, Vec<&Difference>) =
+        differences.iter().filter(|found| found.times() > 1.0).partition(|found| lacks(found).is_some());
+    let worst = |of: &[&Difference]| of.iter().copied().max_by(|a, b| a.times().total_cmp(&b.times())).copied();
+    let within = differences.iter().map(Difference::times).filter(|times| *times <= 1.0).fold(0.0, f64::max);
+
+    if let Some(worst) = worst(&faults) {
+        let share = |x: f64| percent(x / worst.light);
+        let found = format!(
+            "{} is {} than {} in {}; allowed are {} (bias {}, noise {}); so it is in {} of {count} blocks and channels",
+            photons.name,
+            apart(worst.value / worst.light),
+            judge.name,
+            judge.blocks.place(worst.block),
+            share(worst.allowed),
+            share(worst.bias),
+            share(worst.noise),
+            faults.len()
+        );
+        return Row::new(test, Outcome::Fail, found).with(worst.times());
     }
     if sees > BLIND {
-        let why = format!(
-            "{} is too noisy to judge: its error and that of {} are {} of a block's light",
-            judge.name,
-            photons.name,
-            percent(sees)
-        );
-        return Row::not_applicable(test, why).with(worst);
+        let (judge, photons, sees) = (judge.name, photons.name, percent(sees));
+        let why =
+            format!("{judge} is too noisy to judge: its error and that of {photons} are {sees} of a block's light");
+        return Row::not_applicable(test, why).with(within);
     }
-    if let Some((_, why)) = excused {
-        let outcome = if 2 * blocks_excused > tests { Outcome::NotApplicable } else { Outcome::Pass };
+    if let Some(why) = worst(&excused).and_then(|worst| lacks(&&worst)) {
+        let outcome = if 2 * excused.len() > count { Outcome::NotApplicable } else { Outcome::Pass };
         let found = format!(
-            "not compared in {blocks_excused} of {tests} blocks and channels, as {why}; else within bias and noise"
+            "not compared in {} of {count} blocks and channels, as {why}; else within bias and noise",
+            excused.len()
         );
-        return Row::new(test, outcome, found).with(worst);
+        return Row::new(test, outcome, found).with(within);
     }
-    let found = format!(
-        "within bias and noise: at most {worst:.2} of what is allowed; noise {} of a block's light",
-        percent(sees)
-    );
-    Row::new(test, Outcome::Pass, found).with(worst)
+    let sees = percent(sees);
+    let found =
+        format!("within bias and noise: at most {within:.2} of what is allowed; noise {sees} of a block's light");
+    Row::new(test, Outcome::Pass, found).with(within)
+}
+
+/// What photons and judge differ by in a channel of a block.
+#[derive(Clone, Copy)]
+struct Difference {
+    block: usize,
+    value: f64,
+    /// The light there, by the judge.
+    light: f64,
+    /// What is declared, what noise explains, and what is allowed.
+    bias: f64,
+    noise: f64,
+    allowed: f64,
+}
+
+impl Difference {
+    /// How many times what is allowed it is.
+    fn times(&self) -> f64 {
+        self.value.abs() / self.allowed.max(f64::MIN_POSITIVE)
+    }
+}
+
+/// Of all blocks and channels.
+fn differences(photons: &Blurred<'_>, judge: &Side<'_>, level: f64) -> Vec<Difference> {
+    let count = judge.blocks.count();
+    let change = photons.wide.less(photons.narrow);
+    let freedom = (judge.blocks.seeds().min(photons.wide.seeds()) as f64 - 1.0).max(1.0);
+    let errors = student_quantile(ALPHA / (3 * count) as f64, freedom + MODERATION).max(ERRORS);
+    let variance = |(block, channel)| {
+        let (own, other) = (photons.wide.mean(block, channel), judge.blocks.mean(block, channel));
+        own.variance + other.variance + 4.0 * change.mean(block, channel).variance
+    };
+    let light = |(block, channel)| judge.blocks.mean(block, channel).value.abs().max(DARK * level);
+    let usual = places(count).map(variance).sum::<f64>() / places(count).map(|place| light(place).powi(2)).sum::<f64>();
+    let difference = |place @ (block, channel)| {
+        let (own, other) = (photons.wide.mean(block, channel).value, judge.blocks.mean(block, channel).value);
+        // Bias that grows with the radius, as at walls, is twice what half of it changes; one that grows with its square less.
+        let bias = 2.0 * change.mean(block, channel).value.abs();
+        let moderated = MODERATION * usual * light(place).powi(2) + freedom * variance(place);
+        let noise = errors * (moderated / (freedom + MODERATION)).sqrt();
+        let allowed = bias + noise + SLACK[0] * other.abs() + SLACK[1] * level;
+        Difference { block, value: own - other, light: light(place), bias, noise, allowed }
+    };
+    places(count).map(difference).collect()
+}
+
+/// All channels of so many blocks.
+fn places(count: usize) -> impl Iterator<Item = (usize, usize)> {
+    (0..count).flat_map(|block| (0..3).map(move |channel| (block, channel)))
+}
+
+/// The middle one of these; infinite if there are none.
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::INFINITY)
 }
 
 /// A difference in words.

@@ -23,6 +23,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use bench::{Bench, Series};
+use blocks::Blocks;
 use halt::{Halt, seconds_of_threads};
 use judge::{Side, unbiased};
 use pixels::Pixels;
@@ -31,6 +32,7 @@ use probe::Prober;
 pub use names::Names;
 pub use report::{Outcome, PMap, Report, Row};
 
+use crate::image::Image;
 use crate::light::Light;
 use crate::render::{Camera, Progress};
 use crate::scene::description::{Indirect, Method};
@@ -57,7 +59,7 @@ const PATHS: usize = 8;
 /// The most pictures of an unbiased estimator.
 const MOST: usize = 64;
 /// Shares of the time that shapes, what is asked in vain, the ledger, paths and light paths may take; photons take the rest.
-const SHARES: [f64; 5] = [0.05, 0.05, 0.05, 0.25, 0.2];
+const SHARES: [f64; 5] = [0.04, 0.04, 0.04, 0.18, 0.12];
 /// The share of that for photons as the scene asks for them, where there are other ways to gather them.
 const OWN: f64 = 0.6;
 /// The share of the time that is left for the end.
@@ -112,6 +114,37 @@ pub fn run(request: &Request, watch: &dyn Progress, stop: &AtomicBool) -> Result
         report.thread_seconds = seconds_of_threads() - spent;
         Ok(report)
     })
+}
+
+/// Whether two sets of pictures, of several seeds each, have the same means: Welch's t-test in blocks, of which there are no more than
+/// 32 across, as in the rows of a report.
+///
+/// # Errors
+/// [`Error::Usage`] where the pictures are not of one size, not finite, or fewer than two in a set.
+pub fn t_test(images: &[Image], references: &[Image]) -> Result<Row> {
+    const ACROSS: usize = 32;
+    let [first, ..] = images else { return Err(Error::Usage("there is no image".to_string())) };
+    if images.len() < 2 || references.len() < 2 {
+        return Err(Error::Usage(format!(
+            "a t-test needs two pictures of each kind at least, by different seeds; there are {} and {}",
+            images.len(),
+            references.len()
+        )));
+    }
+    let mut all = images.iter().chain(references);
+    if let Some(other) = all.clone().find(|other| (other.width, other.height) != (first.width, first.height)) {
+        return Err(Error::Usage(format!(
+            "one picture has {} × {} pixels, another {} × {}; equal sizes are expected",
+            first.width, first.height, other.width, other.height
+        )));
+    }
+    if all.any(|image| !image.pixels.as_flattened().iter().all(|value| value.is_finite())) {
+        return Err(Error::Usage("a t-test needs pictures whose pixels are all finite".to_string()));
+    }
+    let block = first.width.max(first.height).div_ceil(ACROSS);
+    let [a, b] = [images, references].map(|images| Blocks::of(images, block));
+    let side = |blocks, name| Side { name, blocks, misses: None, is_own: false };
+    Ok(unbiased("t-test", &side(&a, "the image"), &side(&b, "the reference")))
 }
 
 /// A check on its way.

@@ -10,7 +10,8 @@ use crate::render::Camera;
 use crate::scene::{Inside, Scene, Settings};
 use crate::surface::Side;
 use crate::transport::{
-    Crossing, Heading, Luggage, Part, Parts, Segment, Tally, Traveller, Vertex, Walk, fly, survive, travel,
+    Crossing, Heading, Luggage, Part, Parts, Segment, Stop, Tally, Traveller, Vertex, Visitor, Walk, fly, survive,
+    travel,
 };
 
 /// A walk is given up after so many events: what it carries then is left.
@@ -227,7 +228,7 @@ impl<'s> Prober<'s> {
             let (from, inside) = place.and_then(|place| seen.places.get(place)).unwrap_or(&camera);
             let Some(direction) = (to(&mut stream) - *from).try_normalize() else { return false };
             let mut walk = Walk::new(self.scene, Ray::new(*from, direction), inside.clone());
-            walk.look(&met)
+            look(&mut walk, &met)
         })
     }
 }
@@ -242,30 +243,24 @@ pub struct Way<'w> {
     pub medium: Option<u32>,
 }
 
-/// Looks along a line, through all but what is opaque.
-trait Looks {
-    fn look(&mut self, met: &impl Fn(&Way<'_>) -> bool) -> bool;
-}
-
-impl Looks for Walk<'_> {
-    fn look(&mut self, met: &impl Fn(&Way<'_>) -> bool) -> bool {
-        let mut looking = Looking { met, found: false };
-        loop {
-            let stop = self.advance(&mut looking);
-            if looking.found {
-                return true;
-            }
-            let crate::transport::Stop::Surface(at) = stop else { return false };
-            let shapes: Vec<u32> = self.hits().iter().map(|hit| hit.id).collect();
-            if met(&Way { shapes: &shapes, solids: &[], medium: None }) {
-                return true;
-            }
-            if at.bsdf.boundary(&at.incidence).is_none() && !at.bsdf.is_sheet() {
-                return false;
-            }
-            let direction = self.ray.direction;
-            self.leave(&at, direction);
+/// Looks along a walk's line, through all but what is opaque, for what `met` says yes to.
+fn look(walk: &mut Walk<'_>, met: &impl Fn(&Way<'_>) -> bool) -> bool {
+    let mut looking = Looking { met, found: false };
+    loop {
+        let stop = walk.advance(&mut looking);
+        if looking.found {
+            return true;
         }
+        let Stop::Surface(at) = stop else { return false };
+        let shapes: Vec<u32> = walk.hits().iter().map(|hit| hit.id).collect();
+        if met(&Way { shapes: &shapes, solids: &[], medium: None }) {
+            return true;
+        }
+        if at.bsdf.boundary(&at.incidence).is_none() && !at.bsdf.is_sheet() {
+            return false;
+        }
+        let direction = walk.ray.direction;
+        walk.leave(&at, direction);
     }
 }
 
@@ -274,7 +269,7 @@ struct Looking<'m, F> {
     found: bool,
 }
 
-impl<F: Fn(&Way<'_>) -> bool> crate::transport::Visitor for Looking<'_, F> {
+impl<F: Fn(&Way<'_>) -> bool> Visitor for Looking<'_, F> {
     type End = ();
 
     fn segment(&mut self, segment: &Segment<'_>) -> ControlFlow<()> {

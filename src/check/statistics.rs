@@ -19,11 +19,6 @@ impl Mean {
         let squares: f64 = values.map(|x| (x - value) * (x - value)).sum();
         Mean { value, variance: squares / (count - 1.0).max(1.0) / count, count }
     }
-
-    /// The standard error.
-    pub fn error(&self) -> f64 {
-        self.variance.sqrt()
-    }
 }
 
 /// Whether two means differ: Welch's t-test.

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use crate::check::{self, Outcome, Row};
 use crate::image::{self, DiffOptions, Figures, Pair, Palette};
 use crate::{Error, Result};
 
@@ -20,6 +21,16 @@ pub struct Arguments {
     /// Default: the reference's own layer of that name, if it has one.
     #[arg(long, value_name = "FILE")]
     standard_error: Option<PathBuf>,
+    /// Another picture of the image's kind, by another seed; repeatable. With --references, a t-test tells whether both kinds have the
+    /// same mean; the status is 1 if they have not.
+    #[arg(long, value_name = "FILE", requires = "references")]
+    images: Vec<PathBuf>,
+    /// Another picture of the reference's kind, by another seed; repeatable.
+    #[arg(long, value_name = "FILE", requires = "images")]
+    references: Vec<PathBuf>,
+    /// Writes the map of that test's p-values, by blocks: black is 1, bright 10⁻⁶ or less.
+    #[arg(long, value_name = "FILE.png", value_parser = super::values::png, requires = "images")]
+    p_values: Option<PathBuf>,
     /// Also HDR-FLIP: the largest difference over all exposures, instead of at one. --flip and --max-flip then mean it.
     #[arg(long)]
     hdr: bool,
@@ -51,7 +62,7 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     let options = DiffOptions { layer: arguments.layer.clone(), standard_error: arguments.standard_error.clone() };
-    for path in arguments.flip.iter().chain(&arguments.error) {
+    for path in arguments.flip.iter().chain(&arguments.error).chain(&arguments.p_values) {
         image::check_target(path)?;
     }
     let pair = Pair::read(&arguments.image, &arguments.reference, &options)?;
@@ -80,8 +91,42 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let labels = [format!("-{percent}"), "0".into(), format!("+{percent}")];
         write_map(path, errors.into_iter().map(|error| error / range), &pair, Palette::Diverging, &labels)?;
     }
-    super::print(&if arguments.json { super::json(&figures)? } else { format!("{figures}\n") })?;
-    judge(&figures, arguments)
+    let tested = if arguments.images.is_empty() { None } else { Some(t_test(&pair, &options, arguments)?) };
+    super::print(&match (arguments.json, &tested) {
+        (true, None) => super::json(&figures)?,
+        (true, Some(row)) => super::json(&serde_json::json!({ "figures": figures, "t_test": row }))?,
+        (false, None) => format!("{figures}\n"),
+        (false, Some(row)) => format!("{figures}\nt-test: {}\n", row.found),
+    })?;
+    judge(&figures, arguments)?;
+    match tested {
+        Some(row) if row.outcome == Outcome::Fail => Err(Error::Failed(row.found)),
+        _ => Ok(()),
+    }
+}
+
+/// Whether two sets of pictures have the same means.
+fn t_test(pair: &Pair, options: &DiffOptions, arguments: &Arguments) -> Result<Row> {
+    let (mut images, mut references) = (vec![pair.image.clone()], vec![pair.reference.clone()]);
+    for (set, files, with) in [
+        (&mut images, &arguments.images, &arguments.reference),
+        (&mut references, &arguments.references, &arguments.reference),
+    ] {
+        for file in files {
+            set.push(Pair::read(file, with, options)?.image);
+        }
+    }
+    let row = check::t_test(&images, &references)?;
+    if let (Some(path), Some(map)) = (&arguments.p_values, &row.map) {
+        // As many decades as the colours span.
+        const DECADES: f64 = 6.0;
+        let labels = ["1", "1e-3", "1e-6"].map(String::from);
+        let width = pair.reference.width;
+        let place = |at: usize| at / width / map.block * map.columns + at % width / map.block;
+        let values = (0..pair.reference.pixels.len()).map(|at| (-map.p[place(at)].log10() / DECADES).clamp(0.0, 1.0));
+        write_map(path, values, pair, Palette::Magma, &labels)?;
+    }
+    Ok(row)
 }
 
 const BLACK: &str = "HDR-FLIP is undefined: the reference is black";
