@@ -192,38 +192,29 @@ pub fn quality(bench: &Bench<'_>, own: &Variant) -> Vec<Row> {
         return vec![Row::not_applicable(BLUR, "photons find no light")];
     }
     let photons = Blurred { name: own.name, wide: &wide, narrow: &narrow, misses: None };
-    // A picture with more photons has narrower discs. Bias falls no less than with the radius.
+    // A picture with more photons has narrower discs. Bias falls with the radius at least, and with its square at most; noise falls
+    // with the root of the number at most, and with fixed numbers of neighbours hardly at all at worst.
     let mut asked = bench.settings.clone();
     asked.render.method = Method::Photon;
     let wanted = render::volume_photons(bench.scene, &asked);
     let traced = own.wide.photons.volume.unwrap_or(wanted).min(wanted.max(1));
     let more = if wanted > 0 { wanted as f64 / traced as f64 } else { 1.0 };
     let fixed = own.wide.volume.kernel == Kernel::Fixed && own.wide.volume.radius.is_some();
-    let blur = photons.blur() * if fixed { 1.0 } else { more.powf(-1.0 / 3.0) };
-    let noise = photons.noise();
-    let scaled =
-        if more > 1.0 { format!(", from maps of {traced} photons for one of {wanted}") } else { String::new() };
-    let outcome = |value: f64, most: f64| if value <= most { Outcome::Pass } else { Outcome::Fail };
+    let third = if fixed { 1.0 } else { more.powf(-1.0 / 3.0) };
+    let (blur, noise) = (photons.blur(), photons.noise());
+    let of = if more > 1.0 { format!(", by maps of {traced} photons for one of {wanted}") } else { String::new() };
+    let limited = |test: &str, [least, most]: [f64; 2], limit: f64, what: &str| {
+        let outcome = match (least > limit, most > limit) {
+            (true, _) => Outcome::Fail,
+            (false, true) => Outcome::NotApplicable,
+            (false, false) => Outcome::Pass,
+        };
+        let share =
+            if most - least > 0.1 * most { format!("{} to {}", percent(least), percent(most)) } else { percent(most) };
+        Row::new(test, outcome, format!("{share} {what}{of}; {} are too much", percent(limit))).with(most)
+    };
     vec![
-        Row::new(
-            BLUR,
-            outcome(blur, BLURRED),
-            format!(
-                "{} of the light, root mean square over blocks{scaled}; above {} it is not to be believed",
-                percent(blur),
-                percent(BLURRED)
-            ),
-        )
-        .with(blur),
-        Row::new(
-            NOISE,
-            outcome(noise, NOISY),
-            format!(
-                "blocks of one picture differ by {} from those of the next{scaled}; above {} there are too few photons",
-                percent(noise),
-                percent(NOISY)
-            ),
-        )
-        .with(noise),
+        limited(BLUR, [blur * third * third, blur * third], BLURRED, "of the light, root mean square over blocks"),
+        limited(NOISE, [noise / more.sqrt(), noise], NOISY, "between the blocks of one picture and the next"),
     ]
 }

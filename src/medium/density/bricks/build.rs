@@ -389,8 +389,7 @@ fn ranges(
     constants: &[f32],
 ) -> Vec<Range> {
     // Those parts of each brick that lie in the apron of a lower neighbour.
-    let parts: Vec<[Range; 8]> =
-        bricks.map(|values| std::array::from_fn(|part| layer_range(&values, part))).collect();
+    let parts: Vec<[Range; 8]> = bricks.map(|values| std::array::from_fn(|part| layer_range(&values, part))).collect();
     let range = |n: usize| {
         (0..8).fold(Range::NONE, |range, part| {
             let code = dense_entry(min, size, brick_of((min, size), n, part)).map_or(BACKGROUND, |n| codes[n]);
