@@ -46,12 +46,7 @@ pub fn variants(bench: &Bench<'_>, minutes: f64) -> Result<Vec<Variant>> {
     }
     let most = ((PHOTONS * minutes) as u64).max(1000);
     let wanted = render::volume_photons(bench.scene, &own);
-    // Numbers that a map is not asked for are chosen by the scene.
-    let fewer = |photons: Option<u64>, chosen: u64| Some(photons.unwrap_or(chosen).min(most));
-    own.photons.volume = fewer(own.photons.volume, wanted.max(1));
-    if wanted == 0 {
-        own.photons.volume = Some(most);
-    }
+    own.photons.volume = Some(if wanted > 0 { wanted.min(most) } else { most });
     own.photons.caustic = own.photons.caustic.map(|photons| photons.min(most));
     own.photons.global = own.photons.global.map(|photons| photons.min(most));
     let mut all = vec![variant(bench, "photons", own.clone())?];

@@ -41,7 +41,10 @@ pub fn rows(
     }
 
     let idle = |light: &u32| !reaches(scene, prober, &eyes, &beams[*light as usize], *light);
-    let lights: Vec<String> = (0..count as u32).filter(idle).map(|light| names.light(light)).collect();
+    let (dark, lit): (Vec<u32>, Vec<u32>) = (0..count as u32).partition(idle);
+    let lights: Vec<String> = dark.into_iter().map(|light| names.light(light)).collect();
+    // What only a light meets that reaches nothing is not seen either.
+    let beams: Vec<&Seen> = lit.into_iter().map(|light| &beams[light as usize]).collect();
     let shapes = unseen(scene, description, names, prober, &eyes, &beams);
     let media = unentered(scene, names, prober, &eyes, &beams);
     let told = |test: &str, of: usize, what: &str, odd: Vec<String>| match odd.len() {
@@ -106,10 +109,10 @@ fn unseen(
     names: &Names<'_>,
     prober: &Prober<'_>,
     eyes: &Seen,
-    beams: &[Seen],
+    beams: &[&Seen],
 ) -> Vec<String> {
     let said = description.shapes.iter().filter(|shape| shape.visible).count();
-    let all = || beams.iter().chain([eyes]);
+    let all = || beams.iter().copied().chain([eyes]);
     let is_unseen = |id: &u32| {
         let surface = &scene.surfaces[*id as usize];
         let has_effect = surface.material != Material::None || surface.solid.is_some() || surface.light.is_some();
@@ -125,7 +128,7 @@ fn unseen(
 }
 
 /// Media to which neither eyes nor light come.
-fn unentered(scene: &Scene, names: &Names<'_>, prober: &Prober<'_>, eyes: &Seen, beams: &[Seen]) -> Vec<String> {
+fn unentered(scene: &Scene, names: &Names<'_>, prober: &Prober<'_>, eyes: &Seen, beams: &[&Seen]) -> Vec<String> {
     let is_unentered = |medium: &u32| {
         let solids: Vec<u32> =
             scene.solids.iter().filter(|solid| solid.medium == Some(*medium)).map(|solid| solid.shape).collect();
@@ -135,7 +138,7 @@ fn unentered(scene: &Scene, names: &Names<'_>, prober: &Prober<'_>, eyes: &Seen,
             bounds.min + bounds.size() * DVec3::from([(); 3].map(|()| stream.uniform()))
         };
         !scene.media[*medium as usize].is_clear()
-            && !beams.iter().chain([eyes]).any(|seen| seen.media.contains(medium))
+            && !beams.iter().copied().chain([eyes]).any(|seen| seen.media.contains(medium))
             && !prober.finds(eyes, to, |way| way.medium == Some(*medium), LOOKS)
     };
     (0..scene.media.len() as u32).filter(is_unentered).map(|medium| names.medium(medium).to_string()).collect()

@@ -42,7 +42,10 @@ impl BrickGrid {
             if code & CONSTANT != 0 {
                 return self.constant(code);
             }
-            return interpolate(&self.values.brick(code as usize).corners(local), [fraction(0), fraction(1), fraction(2)]);
+            return interpolate(
+                &self.values.brick(code as usize).corners(local),
+                [fraction(0), fraction(1), fraction(2)],
+            );
         }
 
         // The others reach into its upper neighbours.

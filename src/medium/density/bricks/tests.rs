@@ -191,7 +191,8 @@ fn halves_are_as_exact_as_they_say() {
             1 => scale,
             _ => scale * (0.37 + n as f32).sin().abs().powi(1 + n as i32 % 24),
         };
-        let values: Vec<f32> = (0..32 * 24 * 16).map(|n| if n < 32 * 24 * 8 { value(n) } else { 0.3 * scale }).collect();
+        let values: Vec<f32> =
+            (0..32 * 24 * 16).map(|n| if n < 32 * 24 * 8 { value(n) } else { 0.3 * scale }).collect();
         let grid = BrickGrid::from_dense([0; 3], [32, 24, 16], &values, 0.0, NegativePolicy::Error).unwrap();
         let half = grid.clone().with_precision(Precision::Half);
         assert_eq!((grid.precision(), half.precision()), (Precision::Full, Precision::Half));
