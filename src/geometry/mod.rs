@@ -16,6 +16,7 @@ mod area;
 mod cuboid;
 mod cylinder;
 mod disk;
+mod distances;
 mod ellipsoid;
 mod face;
 mod facing;
@@ -36,6 +37,7 @@ pub use area::{AreaSample, DirectionSample, Patch};
 pub use cuboid::Cuboid;
 pub use cylinder::Cylinder;
 pub use disk::Disk;
+pub use distances::Distances;
 pub use flaws::Flaws;
 pub use lathe::Lathe;
 pub use mesh::Mesh;
@@ -76,6 +78,11 @@ pub struct Cluster {
 }
 
 impl Cluster {
+    /// Forgets all hits.
+    pub fn clear(&mut self) {
+        self.hits.clear();
+    }
+
     /// The nearest hit; of several at the same distance the one with the lowest id and primitive.
     pub fn nearest(&self) -> Option<&Hit> {
         self.hits.first()

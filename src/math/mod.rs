@@ -9,6 +9,7 @@ mod choice;
 mod frame;
 pub mod random;
 pub mod sampling;
+pub mod wide;
 
 pub use bounds::Bounds;
 pub use choice::{Choice, Distribution, choose};

@@ -247,11 +247,14 @@ impl Stream {
         self.moved = number;
     }
 
+    #[inline]
     fn bits(&mut self) -> u64 {
         let random = self.random.next_u64();
-        if self.open == 0 {
-            return random;
-        }
+        if self.open == 0 { random } else { self.spread_bits(random) }
+    }
+
+    /// Bits of the point, as far as it has any, before random ones.
+    fn spread_bits(&mut self, random: u64) -> u64 {
         // A dimension drawn twice would tie two numbers together.
         let dimension = self.open.trailing_zeros();
         self.open &= self.open - 1;
@@ -264,19 +267,48 @@ impl Stream {
     }
 
     /// Uniform in [0, 1), a multiple of 2⁻⁵³.
+    #[inline]
     pub fn uniform(&mut self) -> f64 {
         (self.bits() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
     }
 
     /// Two uniform numbers.
+    #[inline]
     pub fn uniform2(&mut self) -> [f64; 2] {
         [self.uniform(), self.uniform()]
     }
 
     /// Exponentially distributed with mean 1: finite, and never 0.
     pub fn exponential(&mut self) -> f64 {
-        let u = ((self.bits() >> 11) as f64 + 0.5) * (1.0 / (1u64 << 53) as f64);
-        -u.ln()
+        -self.inner().ln()
+    }
+
+    /// Uniform in (0, 1): neither 0 nor 1.
+    #[inline]
+    fn inner(&mut self) -> f64 {
+        ((self.bits() >> 11) as f64 + 0.5) * (1.0 / (1u64 << 53) as f64)
+    }
+
+    /// The number whose logarithm is how far light flies, from (0, 1).
+    #[inline]
+    pub fn flight(&mut self) -> f64 {
+        self.draw(Dimension::Flight, Stream::inner)
+    }
+
+    /// The two numbers of a direction.
+    #[inline]
+    pub fn direction(&mut self) -> [f64; 2] {
+        self.draw(Dimension::Direction, Stream::uniform2)
+    }
+
+    /// This stream, for a part that goes its own way; what is left are others, independent of it.
+    pub fn part(&mut self) -> Stream {
+        let seed = [self.random.next_u64(), self.random.next_u64()].map(mix);
+        let mut bytes = [0; 16];
+        bytes[..8].copy_from_slice(&seed[0].to_le_bytes());
+        bytes[8..].copy_from_slice(&seed[1].to_le_bytes());
+        let rest = Stream { random: Pcg64Mcg::from_seed(bytes), left: 0, ..self.clone() };
+        std::mem::replace(self, rest)
     }
 }
 

@@ -51,6 +51,11 @@ impl History {
         }
     }
 
+    /// This way with one more collision in a medium.
+    pub fn scattered(self) -> Self {
+        History { since: Since::Other, scattered: true, ..self }
+    }
+
     /// Whether it was scattered.
     pub fn is_scattered(self) -> bool {
         self.scattered

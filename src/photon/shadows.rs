@@ -124,7 +124,7 @@ impl ShadowTracer<'_> {
         let emit = |photon, found: &mut Vec<ShadowPhoton>, (): &mut ()| {
             self.emit(&mut self.pass.emission.stream(self.pass.seed, purpose, photon, self.pass.index), found);
         };
-        in_chunks(0..emitted, stop, emit, |_, _| {}).into_par_iter().flatten_iter().collect()
+        in_chunks(0..emitted, stop, emit, |_, _, _| {}).into_par_iter().flatten_iter().collect()
     }
 
     fn emit(&self, stream: &mut Stream, found: &mut Vec<ShadowPhoton>) {

@@ -21,8 +21,6 @@ const THICK: f64 = 16.0;
 const KEPT: f64 = 1.0;
 /// However deep they are, no fewer photons are kept than at this many mean free paths.
 const DEEPEST: f64 = 8.0;
-/// Near surfaces, the distance to them is asked for once in so many collisions: it saves more only where it is long.
-const SELDOM_ASKED: u32 = 8;
 
 /// What the volume map stores.
 #[derive(Debug)]
@@ -32,6 +30,8 @@ pub(super) struct VolumeQuota<'s> {
     single_scattering: SingleScattering,
     /// By medium, the extinction that tells how deep a length is; `None` where all photons are kept.
     deep: Vec<Option<f64>>,
+    /// Whether eye rays may begin in a deep medium, and not at its surface.
+    looks_from_within: bool,
     /// By medium, about how dense it is where photons lie along flights, not at collisions.
     uneven: Vec<Option<&'s Coarse>>,
     /// The share of photons that are kept.
@@ -54,10 +54,17 @@ impl<'s> VolumeQuota<'s> {
             let extinction = medium.extinction.min_element();
             (medium.density.is_even() && extinction * extent > THICK).then_some(extinction)
         };
+        let deep: Vec<Option<f64>> = scene.media.iter().map(deep).collect();
+        let camera = &scene.camera;
+        let around = scene.medium(&scene.inside(camera.position));
+        let looks_from_within = deep.iter().any(Option::is_some)
+            && (camera.projection == Projection::Orthographic
+                || around.is_some_and(|medium| deep[medium as usize].is_some()));
         VolumeQuota {
             scene,
             single_scattering,
-            deep: scene.media.iter().map(deep).collect(),
+            deep,
+            looks_from_within,
             uneven: (0..scene.media.len()).map(|medium| scene.uneven(medium as u32)).collect(),
             keep: 1.0,
             rate: 1.0,
@@ -70,6 +77,11 @@ impl<'s> VolumeQuota<'s> {
     /// Whether a medium is of one density, and many mean free paths thick.
     pub fn is_deep(&self, medium: u32) -> bool {
         self.deep[medium as usize].is_some()
+    }
+
+    /// The extinction that tells how deep a length is in a medium of one density, many mean free paths thick.
+    pub fn deep(&self, medium: u32) -> Option<f64> {
+        self.deep[medium as usize]
     }
 
     /// Whether any medium is.
@@ -89,7 +101,7 @@ impl<'s> VolumeQuota<'s> {
     }
 
     /// Whether the map wants light that came so: not if lights are asked for it.
-    fn wants(&self, history: History) -> bool {
+    pub fn wants(&self, history: History) -> bool {
         let asked = match history.since {
             Since::Straight => true,
             Since::Refracted => self.single_scattering.goes_straight_on(),
@@ -98,28 +110,37 @@ impl<'s> VolumeQuota<'s> {
         !(asked && history.from_light && self.single_scattering.asks_lights())
     }
 
-    /// The share of photons at `p` to keep: rays that gather light begin at surfaces and at the camera, and what is
-    /// deeper than a mean free path below these is seen by its transmittance. Photons kept carry the power of the
-    /// others. `clearance` is how far the nearest surface is, at least, before and afterwards.
-    fn seen(&self, p: DVec3, extinction: f64, clearance: &mut f64) -> f64 {
-        let deepest = DEEPEST / extinction;
-        if *clearance < deepest {
-            // Twice as far, so that this need not be asked soon again.
-            *clearance = self.scene.geometry.clearance(p, 2.0 * deepest);
-        }
+    /// How many mean free paths beyond [`KEPT`] photons lie below the nearest surface, and before the camera, if that looks from within:
+    /// rays that gather light begin there, and what is deeper is seen by its transmittance.
+    fn beyond(&self, p: DVec3, extinction: f64, clearance: f64) -> f64 {
+        let nearest = if self.looks_from_within { clearance.min(self.from_camera(p)) } else { clearance };
+        ((extinction * nearest).clamp(0.0, DEEPEST) - KEPT).max(0.0)
+    }
+
+    fn from_camera(&self, p: DVec3) -> f64 {
         let camera = &self.scene.camera;
-        let from_camera = match camera.projection {
+        match camera.projection {
             Projection::Perspective => p.distance(camera.position) - camera.aperture,
             Projection::Orthographic => (p - camera.position).dot((camera.target - camera.position).normalize()).abs(),
-        };
-        let depth = extinction * clearance.min(from_camera).clamp(0.0, deepest);
-        (KEPT - depth).min(0.0).exp()
+        }
     }
 }
 
 /// Whether photons deep in a medium are left out of the volume map, as they are not seen: it does not hold all light.
 pub(crate) fn leaves_out_deep(scene: &Scene, medium: u32) -> bool {
     VolumeQuota::new(scene, SingleScattering::Photons).is_deep(medium)
+}
+
+/// Where a photon collides.
+pub(super) struct Place {
+    /// The point.
+    pub point: DVec3,
+    /// The unit direction of arrival.
+    pub direction: DVec3,
+    /// The region.
+    pub region: u32,
+    /// The events before.
+    pub events: u64,
 }
 
 /// The photons that collisions and flights leave for the volume map.
@@ -131,13 +152,10 @@ pub(super) struct VolumeSink {
     pub stored: u64,
     /// What is scattered of the light that left them, in all channels together, while that is noted.
     pub powers: Vec<f64>,
-    /// For so many collisions near surfaces the distance to these is not asked for.
-    unasked: u32,
 }
 
 impl VolumeSink {
-    /// Stores a photon where it collides, if the map wants it: `power` is what it scatters. Returns how far the nearest surface
-    /// is, at least, where that is worth knowing.
+    /// Stores a photon where it collides, if the map wants it: `power` is what it scatters.
     pub fn deposit(
         &mut self,
         quota: &VolumeQuota<'_>,
@@ -145,46 +163,60 @@ impl VolumeSink {
         (events, history): (u64, History),
         power: Rgb,
         stream: &mut Stream,
-    ) -> Option<f64> {
+    ) {
+        let wanted = quota.wants(history) && power.max_element() > 0.0;
+        let place = Place { point: at.point, direction: at.direction, region: quota.scene.region(at.inside), events };
+        if let Some(extinction) = quota.deep[at.index as usize] {
+            let least = || quota.scene.least_clearance(at.inside, at.point);
+            let power = if wanted { power } else { Rgb::ZERO };
+            return self.deposit_deep(quota, &place, extinction, least, power, stream);
+        }
         let mut keep = quota.keep;
-        let mut stored = quota.wants(history) && power.max_element() > 0.0;
-        let mut clearance = None;
-        match quota.deep[at.index as usize] {
-            None => {
-                if let Some(importance) = quota.importance.as_ref().filter(|_| stored) {
-                    keep *= importance.keep(at.point.as_vec3());
-                }
-                stored = stored && (keep >= 1.0 || stream.uniform() < keep);
-            }
-            // Deep down, transmittance tells what counts.
-            Some(extinction) => {
-                // To ask for the surface takes longer than all else: not for photons that would not be kept anyway,
-                // and for the sake of the walk only where it may be far.
-                let mut clear = at.clearance;
-                let chance = stream.uniform();
-                stored &= chance < keep;
-                let near = clear * extinction < KEPT;
-                if stored || near && self.unasked == 0 {
-                    keep *= quota.seen(at.point, extinction, &mut clear);
-                    stored &= chance < keep;
-                    self.unasked = if clear * extinction < KEPT { SELDOM_ASKED } else { 0 };
-                } else if near {
-                    self.unasked -= 1;
-                }
-                clearance = Some(clear);
+        if let Some(importance) = quota.importance.as_ref().filter(|_| wanted) {
+            keep *= importance.keep(at.point.as_vec3());
+        }
+        if wanted && (keep >= 1.0 || stream.uniform() < keep) {
+            self.store(quota, &place, power / keep);
+        }
+    }
+
+    /// Stores a photon where it collides in a deep medium of this extinction: there transmittance tells what counts. `least` is how far
+    /// the nearest surface is, at least.
+    pub fn deposit_deep(
+        &mut self,
+        quota: &VolumeQuota<'_>,
+        place: &Place,
+        extinction: f64,
+        least: impl FnOnce() -> f64,
+        power: Rgb,
+        stream: &mut Stream,
+    ) {
+        let chance = stream.uniform();
+        if chance >= quota.keep || power.max_element() <= 0.0 {
+            return;
+        }
+        // To ask for the surface takes longer than all else: not for photons that would not be kept however near it may be. Two terms of
+        // e^x tell that of most.
+        let x = quota.beyond(place.point, extinction, least());
+        if chance * (1.0 + x * (1.0 + 0.5 * x)) < quota.keep {
+            let clearance = quota.scene.geometry.clearance(place.point, DEEPEST / extinction);
+            // Photons kept carry the power of the others.
+            let keep = quota.keep * (-quota.beyond(place.point, extinction, clearance)).exp();
+            if chance < keep {
+                self.store(quota, place, power / keep);
             }
         }
-        if stored {
-            let photon = Photon {
-                position: at.point.as_vec3(),
-                direction: at.direction.as_vec3(),
-                power: (power / keep).as_vec3(),
-                events: events.min(255) as u8,
-                normal: PackedNormal::default(),
-            };
-            self.push(quota, quota.scene.region(at.inside), photon, photon.power);
-        }
-        clearance
+    }
+
+    fn store(&mut self, quota: &VolumeQuota<'_>, place: &Place, power: Rgb) {
+        let photon = Photon {
+            position: place.point.as_vec3(),
+            direction: place.direction.as_vec3(),
+            power: power.as_vec3(),
+            events: place.events.min(255) as u8,
+            normal: PackedNormal::default(),
+        };
+        self.push(quota, place.region, photon, photon.power);
     }
 
     /// Stores photons along a flight through a medium of uneven density, which ends at `end`, if the map wants them: `power`
@@ -246,10 +278,5 @@ impl VolumeSink {
         if !quota.counts || quota.notes {
             self.photons.push((region, photon));
         }
-    }
-
-    /// Begins another photon.
-    pub fn next(&mut self) {
-        self.unasked = 0;
     }
 }

@@ -293,7 +293,7 @@ impl<'s> SurfaceTracer<'s> {
             let mut stream = self.pass.emission.stream(self.pass.seed, purpose, photon, self.pass.index);
             self.emit(&mut stream, found, parts, stop);
         };
-        let end = |found: &mut Landed, count| {
+        let end = |found: &mut Landed, _: &mut Parts<'s, Remembered>, count| {
             found.emitted = count;
             found.bill.settle(self.budget, found.photons.len());
             progress(count, emitted);
@@ -414,7 +414,7 @@ impl<'s> Traveller<'s> for Landing<'_, 's> {
             Kind::Global => left_out && event == Event::Scattered,
         };
         let goes_on = !is_useless && max_events.allows(luggage.events);
-        goes_on.then_some(Heading { direction: onward.direction, clearance: None })
+        goes_on.then_some(Heading { direction: onward.direction })
     }
 
     fn breaks_off(&mut self) -> bool {

@@ -10,10 +10,12 @@ use super::control::Tagged;
 use super::emission::{Emission, Sources, Start};
 use super::history::History;
 use super::importance::{Importon, Origin};
-use super::sinks::{VolumeQuota, VolumeSink};
+use super::simd::Isa;
+use super::sinks::{Place, VolumeQuota, VolumeSink};
+use super::wander::{Dense, Host, Wander, Wanderer};
 use crate::math::random::{Dimension, Purpose};
 use crate::math::{Ray, Rgb, Stream};
-use crate::scene::Scene;
+use crate::scene::{Inside, Scene};
 use crate::scene::description::SingleScattering;
 use crate::surface::{Nature, Side};
 use crate::transport::{
@@ -86,6 +88,36 @@ pub(super) struct Tracer<'s> {
     pub forced: bool,
     /// What that may cost.
     pub budget: Budget,
+    /// By medium, those in which photons wander many at once.
+    dense: Vec<Option<Dense>>,
+}
+
+/// Photons set out to wander when there are so many.
+const MANY: usize = 256;
+
+/// A photon that wanders, or is to.
+struct Parked {
+    wanderer: Wanderer,
+    /// What it is inside,
+    inside: Inside,
+    /// the medium,
+    medium: u32,
+    /// and how it came there.
+    luggage: Luggage<Remembered>,
+    /// The emission that it is of, and where that started.
+    emission: usize,
+    origin: Origin,
+}
+
+/// Room for what a chunk's photons leave to be done.
+#[derive(Default)]
+struct Room<'s> {
+    /// Parts of the photon that is followed.
+    parts: Parts<'s, Remembered>,
+    /// Photons that are to wander.
+    parked: Vec<Parked>,
+    /// Which emissions have stored a photon.
+    storing: Vec<bool>,
 }
 
 /// What some emissions have left.
@@ -111,12 +143,12 @@ pub(super) struct Chunk {
 }
 
 /// Traces a range of emissions in parallel, a chunk at a time, in their order: `emit` adds one to its chunk, with room that it may
-/// use; `end` is told when a chunk is done, and how many emissions it is of. Chunks that `stop` ends are left empty.
+/// use; `end` is told when a chunk is done, with that room, and how many emissions it is of. Chunks that `stop` ends are left empty.
 pub(crate) fn in_chunks<C: Default + Send, R: Default>(
     range: Range<u64>,
     stop: &(impl Fn() -> bool + Sync),
     emit: impl Fn(u64, &mut C, &mut R) + Sync,
-    end: impl Fn(&mut C, u64) + Sync,
+    end: impl Fn(&mut C, &mut R, u64) + Sync,
 ) -> Vec<C> {
     let chunks = (range.end - range.start).div_ceil(CHUNK);
     let trace = |index: u64| {
@@ -135,7 +167,7 @@ pub(crate) fn in_chunks<C: Default + Send, R: Default>(
         if stop() {
             return C::default();
         }
-        end(&mut chunk, count);
+        end(&mut chunk, &mut room, count);
         chunk
     };
     (0..chunks).into_par_iter().map(trace).collect()
@@ -153,6 +185,7 @@ impl<'s> Tracer<'s> {
             entry: Entry::Free,
             forced: false,
             budget: Budget::of_pilots(),
+            dense: scene.media.iter().map(Dense::of).collect(),
         }
     }
 
@@ -171,11 +204,14 @@ impl<'s> Tracer<'s> {
         stop: &(impl Fn() -> bool + Sync),
     ) -> Vec<Chunk> {
         let stop = &|| stop() || self.budget.is_spent();
-        let emit = |photon, chunk: &mut Chunk, parts: &mut Parts<'s, Remembered>| {
+        let emit = |photon: u64, chunk: &mut Chunk, room: &mut Room<'s>| {
             let mut stream = self.pass.emission.stream(self.pass.seed, purpose, photon, self.pass.index);
-            self.emit(&mut stream, chunk, parts, stop);
+            self.emit((photon % CHUNK) as usize, &mut stream, chunk, room, stop);
+            self.wander(MANY, chunk, room, stop);
         };
-        let end = |chunk: &mut Chunk, count| {
+        let end = |chunk: &mut Chunk, room: &mut Room<'s>, count| {
+            self.wander(1, chunk, room, stop);
+            chunk.storing = room.storing.iter().filter(|stores| **stores).count() as u64;
             chunk.emitted = count;
             chunk.bill.settle(&self.budget, chunk.volume.photons.len());
             chunk.volume.photons.shrink_to_fit();
@@ -184,12 +220,13 @@ impl<'s> Tracer<'s> {
         in_chunks(range, stop, emit, end)
     }
 
-    /// Emits one photon, and follows it and all that is split off it, unless `stop` says so.
+    /// Emits one photon, and follows it and all that is split off it, unless `stop` says so, or it is parked.
     fn emit(
         &self,
+        emission: usize,
         stream: &mut Stream,
         chunk: &mut Chunk,
-        parts: &mut Parts<'s, Remembered>,
+        room: &mut Room<'s>,
         stop: &(dyn Fn() -> bool + Sync),
     ) {
         let Some(Start { ray, power, inside, from_light, source, aim }) = self.sources.start(stream) else { return };
@@ -197,8 +234,6 @@ impl<'s> Tracer<'s> {
             chunk.tally.broken += 1;
             return;
         }
-        let stored = chunk.volume.stored;
-        chunk.volume.next();
         let own = Remembered {
             history: History::new(from_light),
             forced: self.forced,
@@ -207,14 +242,113 @@ impl<'s> Tracer<'s> {
         };
         let start =
             Part { walk: Walk::start(self.scene, ray, inside), luggage: Luggage::new(power, own), collision: None };
-        let mut flying = Flying { tracer: self, chunk, stream, stop, source, collided: false };
+        chunk.collided += u64::from(self.follow(start, (emission, (source, aim)), stream, chunk, room, stop));
+    }
+
+    /// Follows a part of an emission, and all that is split off it. Returns whether any of that has collided.
+    fn follow(
+        &self,
+        start: Part<'s, Remembered>,
+        (emission, origin): (usize, Origin),
+        stream: &mut Stream,
+        chunk: &mut Chunk,
+        Room { parts, parked, storing }: &mut Room<'s>,
+        stop: &(dyn Fn() -> bool + Sync),
+    ) -> bool {
+        let stored = chunk.volume.stored;
+        let mut flying = Flying { tracer: self, chunk, stream, stop, parked, emission, origin, collided: false };
         travel(&mut flying, start, parts);
         let collided = flying.collided;
         if self.quota.notes {
-            chunk.origins.resize(chunk.volume.photons.len(), (source, aim));
+            chunk.origins.resize(chunk.volume.photons.len(), origin);
         }
-        chunk.collided += u64::from(collided);
-        chunk.storing += u64::from(chunk.volume.stored > stored);
+        storing.resize(CHUNK as usize, false);
+        storing[emission] |= chunk.volume.stored > stored;
+        collided
+    }
+
+    /// Lets parked photons wander, and follows those that come back, as long as there are so many.
+    fn wander(&self, many: usize, chunk: &mut Chunk, room: &mut Room<'s>, stop: &(dyn Fn() -> bool + Sync)) {
+        while room.parked.len() >= many && !stop() {
+            let mut parked = std::mem::take(&mut room.parked);
+            let first = &parked[0];
+            let (Some(dense), Some(extinction), Some(distances)) = (
+                self.dense[first.medium as usize],
+                self.quota.deep(first.medium),
+                self.scene.distances(&first.inside),
+            ) else {
+                return;
+            };
+            // Those in the same solid.
+            let (medium, inside) = (first.medium, first.inside.clone());
+            let others = parked.extract_if(.., |parked| parked.medium != medium || parked.inside != inside);
+            room.parked.extend(others);
+            let wanderers = parked.iter().map(|parked| parked.wanderer.clone());
+            let wanderers = (0..).zip(wanderers).map(|(number, wanderer)| Wanderer { number, ..wanderer }).collect();
+            let region = self.scene.region(&inside);
+            let (left, storing) = (Vec::new(), &mut room.storing);
+            let mut host =
+                Wandering { tracer: self, chunk, parked: &parked, region, dense, extinction, storing, left, stop };
+            let (geometry, max_events) = (&self.scene.geometry, self.pass.max_events);
+            Isa::best().run(Wander { dense, distances, geometry, max_events, wanderers, host: &mut host });
+            for (wanderer, flight) in host.left {
+                let Wanderer { point, direction, weight, events, number, mut stream, .. } = wanderer;
+                let Parked { luggage, emission, origin, .. } = &parked[number as usize];
+                let history = luggage.own.history.scattered();
+                let own = Remembered { history, ahead: Ahead::of(flight), portion: true, ..luggage.own };
+                let mut luggage = luggage.part(weight, own);
+                luggage.events = events;
+                let walk = Walk::new(self.scene, Ray::new(point, direction), inside.clone());
+                let part = Part { walk, luggage, collision: None };
+                self.follow(part, (*emission, *origin), &mut stream, chunk, room, stop);
+            }
+        }
+    }
+}
+
+/// Photons of one solid that wander.
+struct Wandering<'f, 's> {
+    tracer: &'f Tracer<'s>,
+    chunk: &'f mut Chunk,
+    /// Those, by their numbers.
+    parked: &'f [Parked],
+    region: u32,
+    dense: Dense,
+    /// The extinction that tells how deep a length is.
+    extinction: f64,
+    storing: &'f mut [bool],
+    /// Those that have left, and how far they fly.
+    left: Vec<(Wanderer, f64)>,
+    stop: &'f (dyn Fn() -> bool + Sync),
+}
+
+impl Host for Wandering<'_, '_> {
+    fn collide(&mut self, wanderer: &mut Wanderer) {
+        let Wanderer { point, direction, weight, least, events, ref mut stream, number } = *wanderer;
+        let (quota, volume) = (&self.tracer.quota, &mut self.chunk.volume);
+        let stored = volume.stored;
+        self.chunk.collisions += 1;
+        let parked = &self.parked[number as usize];
+        let came = parked.luggage.own.history;
+        let history = if events == parked.luggage.events { came } else { came.scattered() };
+        let power = if quota.wants(history) { weight * self.dense.albedo() } else { Rgb::ZERO };
+        let place = Place { point, direction, region: self.region, events };
+        volume.deposit_deep(quota, &place, self.extinction, || least, power, stream);
+        if volume.stored > stored {
+            self.storing[parked.emission] = true;
+            if quota.notes {
+                self.chunk.origins.resize(volume.photons.len(), parked.origin);
+            }
+        }
+        self.chunk.bill.add(&self.tracer.budget, self.chunk.volume.photons.len());
+    }
+
+    fn leave(&mut self, wanderer: Wanderer, flight: f64) {
+        self.left.push((wanderer, flight));
+    }
+
+    fn breaks_off(&mut self) -> bool {
+        (self.stop)()
     }
 }
 
@@ -237,8 +371,12 @@ struct Flying<'f, 's> {
     stream: &'f mut Stream,
     /// Whether to break off.
     stop: &'f (dyn Fn() -> bool + Sync),
-    /// The number of its source.
-    source: u32,
+    /// Photons that are to wander.
+    parked: &'f mut Vec<Parked>,
+    /// The number of the emission that it is of in its chunk,
+    emission: usize,
+    /// and where it started.
+    origin: Origin,
     /// Whether any part of it has collided.
     collided: bool,
 }
@@ -275,7 +413,7 @@ impl<'s> Traveller<'s> for Flying<'_, 's> {
             Entry::Free => return true,
             Entry::Noted => {
                 if power > 0.0 && power.is_finite() {
-                    self.chunk.entering.push((self.source, power));
+                    self.chunk.entering.push((self.origin.0, power));
                 }
                 return true;
             }
@@ -356,6 +494,27 @@ impl<'s> Traveller<'s> for Flying<'_, 's> {
         heading.filter(|_| self.may_store(luggage.events))
     }
 
+    /// Photons far from the surface of a dense solid wander many at once.
+    fn is_taken_on(&mut self, walk: &Walk<'s>, (t, medium): (f64, u32), luggage: &Luggage<Remembered>) -> bool {
+        let scene = self.tracer.scene;
+        let Some(dense) = self.tracer.dense[medium as usize] else { return false };
+        let Some(distances) = scene.distances(&walk.inside) else { return false };
+        let point = walk.ray.at(t);
+        let least = distances.least(&scene.geometry, point);
+        let may = dense.is_far(least) && self.tracer.quota.is_deep(medium) && scene.medium(&walk.inside) == Some(medium);
+        if !may {
+            return false;
+        }
+        self.collided = true;
+        let (direction, weight, events, stream) =
+            (walk.ray.direction, luggage.weight, luggage.events, self.stream.part());
+        let wanderer = Wanderer { point, direction, weight, least, number: 0, events, stream };
+        let (inside, luggage) = (walk.inside.clone(), luggage.clone());
+        let (emission, origin) = (self.emission, self.origin);
+        self.parked.push(Parked { wanderer, inside, medium, luggage, emission, origin });
+        true
+    }
+
     fn breaks_off(&mut self) -> bool {
         (self.stop)()
     }
@@ -394,7 +553,7 @@ impl<'s> Flying<'_, 's> {
             luggage.weight *= balance(onward.density, rival);
         }
         luggage.own.history = luggage.own.history.after(event, &vertex);
-        Some(Heading { direction: onward.direction, clearance: None })
+        Some(Heading { direction: onward.direction })
     }
 
     /// Light that a diffuse surface sends to solids that photons are aimed at: few photons would come there by chance,
@@ -476,13 +635,11 @@ impl<'s> Flying<'_, 's> {
         self.chunk.collisions += 1;
         let history = (luggage.events, luggage.own.history);
         let power = luggage.weight * at.medium.albedo;
-        let clearance = if self.tracer.quota.is_uneven(at.index) {
-            None
-        } else {
-            self.chunk.volume.deposit(&self.tracer.quota, at, history, power, self.stream)
-        };
+        if !self.tracer.quota.is_uneven(at.index) {
+            self.chunk.volume.deposit(&self.tracer.quota, at, history, power, self.stream);
+        }
         let onward = Vertex::Medium(at).onward(Side::Light, None, &mut luggage.weight, self.stream, survive)?;
         luggage.own.history = luggage.own.history.after(Event::Scattered, &Vertex::Medium(at));
-        Some(Heading { direction: onward.direction, clearance })
+        Some(Heading { direction: onward.direction })
     }
 }

@@ -98,7 +98,7 @@ impl<'s> Traveller<'s> for Wanderer<'s, '_> {
             };
             self.given_up = Some(GivenUp { ray, lossless: self.left.max_element() >= 1.0 - ROUNDING });
         }
-        self.given_up.is_none().then_some(Heading { direction: onward.direction, clearance: None })
+        self.given_up.is_none().then_some(Heading { direction: onward.direction })
     }
 
     fn stopped(&mut self) {}

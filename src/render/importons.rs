@@ -27,7 +27,7 @@ pub(super) fn trace<'s>(pilot: &Pilot<'s>, indirect: Indirect) -> Importons {
         travel(&mut Looking { scene, stream: &mut stream, indirect, found }, start, parts);
     };
     let mut all = Importons::default();
-    for chunk in in_chunks(0..PATHS, &|| false, emit, |_, _| {}) {
+    for chunk in in_chunks(0..PATHS, &|| false, emit, |_, _, _| {}) {
         all.media.extend(chunk.media);
         all.caustic.extend(chunk.caustic);
         all.global.extend(chunk.global);
@@ -100,7 +100,7 @@ impl<'s> Traveller<'s> for Looking<'s, '_> {
         }
         let onward = at.onward(Side::Eye, None, &mut luggage.weight, self.stream, survive)?;
         luggage.events += 1;
-        (luggage.events < MOST_EVENTS).then_some(Heading { direction: onward.direction, clearance: None })
+        (luggage.events < MOST_EVENTS).then_some(Heading { direction: onward.direction })
     }
 
     fn stopped(&mut self) {}

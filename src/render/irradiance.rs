@@ -249,7 +249,7 @@ impl<'s> Traveller<'s> for Finder<'s> {
         if at.event(&onward) != Event::Passed {
             luggage.own = distance;
         }
-        Some(Heading { direction: onward.direction, clearance: None })
+        Some(Heading { direction: onward.direction })
     }
 
     fn stopped(&mut self) {}

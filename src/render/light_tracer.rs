@@ -221,7 +221,7 @@ impl<'s> Traveller<'s> for Sending<'_, 's> {
             return None;
         }
         luggage.own.history = luggage.own.history.after(event, &at);
-        Some(Heading { direction: onward.direction, clearance: None })
+        Some(Heading { direction: onward.direction })
     }
 
     fn breaks_off(&mut self) -> bool {
@@ -268,7 +268,7 @@ impl Sending<'_, '_> {
         }
         transport::pass(medium, segment.ray, (segment.a, t), &mut weight, self.stream);
         let (direction, index, inside) = (segment.ray.direction, segment.medium, segment.inside);
-        let at = Collision { point, direction, t, medium, index, inside, clearance: 0.0, peak: None };
+        let at = Collision { point, direction, t, medium, index, inside, peak: None };
         self.send(Vertex::Medium(&at), &view, weight, (luggage.events + 1, luggage.own.history));
     }
 

@@ -17,7 +17,7 @@ use origin::Origin;
 use super::description::{self as said, Description, Located, ShapeKind, Strength};
 use super::world::{Scene, Solid, Surface};
 use super::{Glow, Settings};
-use crate::geometry::{Cuboid, Cylinder, Disk, Geometry, Lathe, Mesh, Placed, Quad, Shape, Sphere};
+use crate::geometry::{Cuboid, Cylinder, Disk, Distances, Geometry, Lathe, Mesh, Placed, Quad, Shape, Sphere};
 use crate::light::{Area, Directivity, Emitters, Light, Profile, Sides, Surroundings};
 use crate::math::{Bounds, DAffine3, DVec3, Rgb};
 use crate::medium::black_body::BlackBody;
@@ -458,6 +458,7 @@ impl<'d> Builder<'d> {
             world,
             world_region: 0,
             regions: 1,
+            distances: Vec::new(),
             media: self.media,
             lights: self.lights,
             emitters: Emitters::default(),
@@ -473,6 +474,7 @@ impl<'d> Builder<'d> {
         regions::darken_infinity(&mut scene);
         scene.emitters = Emitters::new(&scene.lights, &scene.geometry);
         scene.glows = glows(&scene);
+        scene.distances = distances(&scene);
         depths::refuse_endless(&scene, &description.media)?;
         Ok(scene)
     }
@@ -492,4 +494,24 @@ fn glows(scene: &Scene) -> Vec<Glow> {
         Glow::new(index, medium, bounds, |p| scene.radiated(index, p).map(|(radiance, _)| radiance))
     };
     (0..).zip(&scene.media).filter(|(_, medium)| medium.glows()).filter_map(glow).collect()
+}
+
+/// Light wanders in what is more than so many mean free paths across.
+const WANDERS: f64 = 8.0;
+/// Cells that remember distances have edges of so many mean free paths.
+const CELL: f64 = 0.5;
+
+/// How far surfaces are from places in each solid and in the world, for media of one density in which light wanders.
+fn distances(scene: &Scene) -> Vec<Option<Distances>> {
+    let of = |medium: Option<u32>, bounds: &dyn Fn() -> Bounds| {
+        let medium = &scene.media[medium? as usize];
+        let extinction = medium.max_extinction();
+        if !medium.density.is_even() || !medium.scatters() {
+            return None;
+        }
+        let bounds = bounds();
+        (extinction * bounds.diagonal() > WANDERS).then(|| Distances::new(&bounds, CELL / extinction)).flatten()
+    };
+    let solids = scene.solids.iter().map(|solid| of(solid.medium, &|| scene.geometry.bounds(solid.shape)));
+    solids.chain([of(scene.world, &|| scene.bounds())]).collect()
 }

@@ -4,9 +4,9 @@ use smallvec::SmallVec;
 
 use super::description::{Camera, Caustics};
 use super::{Finish, Glow};
-use crate::geometry::{Cluster, Geometry};
+use crate::geometry::{Cluster, Distances, Geometry};
 use crate::light::{Emitter, Emitters, Light, Receiver, Surroundings};
-use crate::math::{Bounds, DVec3, Rgb, Stream};
+use crate::math::{Bounds, DVec3, Ray, Rgb, Stream};
 use crate::medium::Medium;
 use crate::medium::density::Coarse;
 use crate::surface::{Material, Paint};
@@ -37,6 +37,9 @@ pub struct Scene {
     pub world_region: u32,
     /// The number of regions.
     pub regions: u32,
+    /// How far surfaces are from places in each solid and, last, in the world, where a medium of one density is so dense that light
+    /// wanders.
+    pub distances: Vec<Option<Distances>>,
     /// All media, one for each place its density was carried to.
     pub media: Vec<Medium>,
     /// All lights, but for glowing media.
@@ -160,6 +163,25 @@ impl Scene {
             Some(solid) => solid.medium,
             None => self.world,
         }
+    }
+
+    /// Whether a ray inside these solids certainly meets no surface from parameter `a` to `b`.
+    #[inline]
+    pub fn is_free(&self, inside: &Inside, ray: &Ray, (a, b): (f64, f64)) -> bool {
+        self.distances(inside).is_some_and(|distances| distances.is_free(&self.geometry, ray, a, b))
+    }
+
+    /// How far the nearest surface is from a point inside these solids, at least, as far as that is remembered; else 0.
+    #[inline]
+    pub fn least_clearance(&self, inside: &Inside, p: DVec3) -> f64 {
+        self.distances(inside).map_or(0.0, |distances| distances.least(&self.geometry, p))
+    }
+
+    /// How far surfaces are from places inside these solids, where that is remembered.
+    #[inline]
+    pub fn distances(&self, inside: &Inside) -> Option<&Distances> {
+        let place = inside.solids.first().map_or(self.solids.len(), |&solid| solid as usize);
+        self.distances.get(place)?.as_ref()
     }
 
     /// The solid, or the overlap of several, that decides what fills the places inside these solids.

@@ -13,8 +13,16 @@ use crate::medium::density::Grid;
 pub struct Ahead(Option<f64>);
 
 impl Ahead {
-    /// Draws the length; infinite where the medium is uneven and flights are drawn on the way.
+    /// Of a length that is known.
+    pub fn of(length: f64) -> Self {
+        Ahead(Some(length))
+    }
+
+    /// Draws the length, if it is not known; infinite where the medium is uneven and flights are drawn on the way.
     pub fn draw(&mut self, medium: &Medium, weight: Rgb, stream: &mut Stream) -> f64 {
+        if let Some(length) = self.0 {
+            return length;
+        }
         if !medium.density.is_even() {
             return f64::INFINITY;
         }

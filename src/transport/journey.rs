@@ -57,8 +57,6 @@ pub type Parts<'s, S> = Vec<Part<'s, S>>;
 pub struct Heading {
     /// The unit direction of travel.
     pub direction: DVec3,
-    /// How far the nearest surface is from a collision, at least, where that is known.
-    pub clearance: Option<f64>,
 }
 
 /// Walks that nothing ends are stopped after so many events, and counted.
@@ -113,6 +111,12 @@ pub trait Traveller<'s> {
         parts: &mut Parts<'s, Self::Own>,
     ) -> Option<Heading>;
 
+    /// Is asked at a collision, at this parameter of the walk's line in this medium, whether it is taken on from here by other means:
+    /// then this part ends.
+    fn is_taken_on(&mut self, _walk: &Walk<'s>, _collision: (f64, u32), _luggage: &Luggage<Self::Own>) -> bool {
+        false
+    }
+
     /// Leaves the scene.
     fn escapes(&mut self, _direction: DVec3, _luggage: &Luggage<Self::Own>) {}
 
@@ -154,6 +158,9 @@ fn follow<'s, T: Traveller<'s>>(traveller: &mut T, part: Part<'s, T::Own>, parts
         // The turn there. An interaction is large: it stays where it is.
         match &stop {
             &Stop::Ended((t, index)) => {
+                if traveller.is_taken_on(&walk, (t, index), &luggage) {
+                    return;
+                }
                 let collision = Collision {
                     point: walk.ray.at(t),
                     direction: walk.ray.direction,
@@ -161,20 +168,16 @@ fn follow<'s, T: Traveller<'s>>(traveller: &mut T, part: Part<'s, T::Own>, parts
                     medium: &traveller.scene().media[index as usize],
                     index,
                     inside: &walk.inside,
-                    clearance: walk.clearance(t),
                     peak: None,
                 };
                 let heading = traveller.turn(Vertex::Medium(&collision), &walk, &mut luggage, parts);
-                let Some(Heading { direction, clearance }) = heading else { return };
+                let Some(Heading { direction }) = heading else { return };
                 walk.turn(t, direction);
-                if let Some(clearance) = clearance {
-                    walk.clear(clearance);
-                }
                 luggage.turns = 0;
             }
             Stop::Surface(at) => {
                 let heading = traveller.turn(Vertex::Surface(at), &walk, &mut luggage, parts);
-                let Some(Heading { direction, .. }) = heading else { return };
+                let Some(Heading { direction }) = heading else { return };
                 walk.leave(at, direction);
                 sets_out = true;
                 luggage.turns = if at.bsdf.nature() == Nature::Specular { luggage.turns + 1 } else { 0 };
@@ -290,7 +293,7 @@ mod tests {
             }
             // To and fro.
             let direction = if self.ends { at.direction } else { -at.direction };
-            Some(Heading { direction, clearance: None })
+            Some(Heading { direction })
         }
 
         fn stopped(&mut self) {

@@ -46,7 +46,6 @@ impl Case {
                 medium,
                 index: 0,
                 inside: &Inside::default(),
-                clearance: 0.0,
                 peak: None,
             })),
         }

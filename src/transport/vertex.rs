@@ -26,8 +26,6 @@ pub struct Collision<'w> {
     pub index: u32,
     /// The solids around.
     pub inside: &'w Inside,
-    /// How far the nearest surface is, at least.
-    pub clearance: f64,
     /// The part of the medium's phase function that counts here; `None`: all of it.
     pub peak: Option<&'w Peak>,
 }

@@ -21,8 +21,6 @@ pub struct Walk<'s> {
     crossed: f64,
     /// Nothing beyond is of interest.
     limit: f64,
-    /// There is no surface so near to the ray's origin.
-    clear: f64,
     /// Whether it has yet to find out on which side of a boundary it starts.
     starts: bool,
     /// The solids around it.
@@ -80,7 +78,6 @@ impl<'s> Walk<'s> {
             t: 0.0,
             crossed: 0.0,
             limit: f64::INFINITY,
-            clear: 0.0,
             starts: false,
             inside,
             cluster,
@@ -125,16 +122,6 @@ impl<'s> Walk<'s> {
 
     /// Goes on to the next surface that does something, through boundaries that do not.
     pub fn advance<V: Visitor>(&mut self, visitor: &mut V) -> Stop<V::End> {
-        let clear = self.clear.min(self.limit);
-        if self.t < clear
-            && let Some(medium) = self.scene.medium(&self.inside)
-        {
-            let segment = Segment { ray: &self.ray, a: self.t, b: clear, medium, inside: &self.inside };
-            if let ControlFlow::Break(end) = visitor.segment(&segment) {
-                return Stop::Ended(end);
-            }
-            (self.t, self.crossed) = (clear, clear);
-        }
         loop {
             let medium = self.scene.medium(&self.inside).filter(|&m| !self.scene.media[m as usize].is_clear());
             let farthest =
@@ -142,7 +129,9 @@ impl<'s> Walk<'s> {
             let reached = self.t + farthest;
             // Surfaces that coincide with one within reach are looked for, too.
             let limit = self.limit.min(reached + 2.0 * error_bound(&self.ray, reached));
-            if self.collected {
+            if !self.collected && farthest.is_finite() && self.scene.is_free(&self.inside, &self.ray, (self.t, limit)) {
+                self.cluster.clear();
+            } else if self.collected {
                 self.scene.geometry.intersect_next(&self.ray, self.crossed, limit, &mut self.cluster);
             } else {
                 self.scene.geometry.intersect(&self.ray, self.crossed, limit, &mut self.cluster);
@@ -314,19 +303,6 @@ impl<'s> Walk<'s> {
         self.t = 0.0;
         self.crossed = 0.0;
         self.collected = false;
-        self.clear = (self.clear - t).max(0.0);
-    }
-
-    /// How far the nearest surface is from parameter `t` of the line, at least.
-    pub fn clearance(&self, t: f64) -> f64 {
-        (self.clear - t).max(0.0)
-    }
-
-    /// Tells that there is no surface within `clear` of the ray's origin: it need not be looked for so near.
-    /// Segments end there, too.
-    pub fn clear(&mut self, clear: f64) {
-        // Distances are exact to roundings of the coordinates.
-        self.clear = (clear * (1.0 - 1e-6) - error_bound(&self.ray, clear)).max(0.0);
     }
 
     /// Leaves a surface, at which it stopped, along `direction`, on the side that points to. What passes a sheet stays on its line: how
@@ -342,7 +318,6 @@ impl<'s> Walk<'s> {
         self.t = 0.0;
         self.crossed = 0.0;
         self.collected = false;
-        self.clear = 0.0;
     }
 
     /// A walk on the same line, in the medium of a segment that this walk passes.

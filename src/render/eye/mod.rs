@@ -545,7 +545,7 @@ impl<'s> Looking<'_, '_, 's> {
         }
         let spread = luggage.own.is_spread();
         let goes_on = self.outlives(&mut luggage.weight, (luggage.own.share, spread), at.around(onward.direction));
-        goes_on.then_some(Heading { direction: onward.direction, clearance: None })
+        goes_on.then_some(Heading { direction: onward.direction })
     }
 
     /// Goes on by a specular event, or ends. `coat`: the lobe that is left, where what the coat mirrors is followed apart.
@@ -586,7 +586,7 @@ impl<'s> Looking<'_, '_, 's> {
         lobe: Option<Lobe>,
     ) {
         let mut part = luggage.part(luggage.weight, luggage.own.clone());
-        if let Some(Heading { direction, .. }) = self.send(at, &mut part, lobe) {
+        if let Some(Heading { direction }) = self.send(at, &mut part, lobe) {
             let mut walk = walk.clone();
             walk.leave(at, direction);
             parts.push(Part { walk, luggage: part, collision: None });
@@ -620,7 +620,7 @@ impl<'s> Looking<'_, '_, 's> {
         luggage.own.turn = Turn::Medium { point: at.point, density: onward.density, landing };
         (luggage.own.spread, luggage.own.bent, luggage.own.seeks) = (Spread::Other, false, Seeks::All);
         luggage.own.glimpsed = false;
-        Some(Heading { direction: onward.direction, clearance: None })
+        Some(Heading { direction: onward.direction })
     }
 }
 

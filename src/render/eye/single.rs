@@ -85,7 +85,6 @@ pub(super) fn collision<'w>(
         medium,
         index: segment.medium,
         inside: segment.inside,
-        clearance: 0.0,
         peak,
     }
 }
