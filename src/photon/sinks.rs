@@ -113,11 +113,11 @@ impl<'s> VolumeQuota<'s> {
     /// How many mean free paths beyond [`KEPT`] photons lie below the nearest surface, and before the camera, if that looks from within:
     /// rays that gather light begin there, and what is deeper is seen by its transmittance.
     fn beyond(&self, p: DVec3, extinction: f64, clearance: f64) -> f64 {
-        let nearest = if self.looks_from_within { clearance.min(self.from_camera(p)) } else { clearance };
+        let nearest = if self.looks_from_within { clearance.min(self.camera_distance(p)) } else { clearance };
         ((extinction * nearest).clamp(0.0, DEEPEST) - KEPT).max(0.0)
     }
 
-    fn from_camera(&self, p: DVec3) -> f64 {
+    fn camera_distance(&self, p: DVec3) -> f64 {
         let camera = &self.scene.camera;
         match camera.projection {
             Projection::Perspective => p.distance(camera.position) - camera.aperture,

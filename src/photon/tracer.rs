@@ -15,8 +15,8 @@ use super::sinks::{Place, VolumeQuota, VolumeSink};
 use super::wander::{Dense, Host, Wander, Wanderer};
 use crate::math::random::{Dimension, Purpose};
 use crate::math::{Ray, Rgb, Stream};
-use crate::scene::{Inside, Scene};
 use crate::scene::description::SingleScattering;
+use crate::scene::{Inside, Scene};
 use crate::surface::{Nature, Side};
 use crate::transport::{
     self, Ahead, Collision, Event, Events, Heading, Interaction, Luggage, Part, Parts, Segment, Tally, Traveller,
@@ -272,11 +272,9 @@ impl<'s> Tracer<'s> {
         while room.parked.len() >= many && !stop() {
             let mut parked = std::mem::take(&mut room.parked);
             let first = &parked[0];
-            let (Some(dense), Some(extinction), Some(distances)) = (
-                self.dense[first.medium as usize],
-                self.quota.deep(first.medium),
-                self.scene.distances(&first.inside),
-            ) else {
+            let (Some(dense), Some(extinction), Some(distances)) =
+                (self.dense[first.medium as usize], self.quota.deep(first.medium), self.scene.distances(&first.inside))
+            else {
                 return;
             };
             // Those in the same solid.
@@ -501,7 +499,8 @@ impl<'s> Traveller<'s> for Flying<'_, 's> {
         let Some(distances) = scene.distances(&walk.inside) else { return false };
         let point = walk.ray.at(t);
         let least = distances.least(&scene.geometry, point);
-        let may = dense.is_far(least) && self.tracer.quota.is_deep(medium) && scene.medium(&walk.inside) == Some(medium);
+        let may =
+            dense.is_far(least) && self.tracer.quota.is_deep(medium) && scene.medium(&walk.inside) == Some(medium);
         if !may {
             return false;
         }
