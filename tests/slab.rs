@@ -400,7 +400,7 @@ impl<'s> Traveller<'s> for Leaving<'s, '_> {
         _: &mut Parts<'s, ()>,
     ) -> Option<Heading> {
         let onward = at.onward(Side::Light, None, &mut luggage.weight, self.stream, survive)?;
-        Some(Heading { direction: onward.direction, clearance: None })
+        Some(Heading { direction: onward.direction })
     }
 
     fn escapes(&mut self, direction: DVec3, luggage: &Luggage<()>) {
