@@ -392,7 +392,7 @@ impl<'s> Traveller<'s> for Probe<'_, 's> {
             self.last = Rgb::ZERO;
             return None;
         }
-        Some(Heading { direction: onward.direction, clearance: None })
+        Some(Heading { direction: onward.direction })
     }
 
     fn escapes(&mut self, _: DVec3, luggage: &Luggage<()>) {
