@@ -2,11 +2,11 @@
 
 use std::f64::consts::{PI, TAU};
 
-use super::guide::Guide;
 use super::importance::Useful;
+use super::targets::{Aim, Target, Targets, turn};
 use crate::light::{Departure, DrawnFrom, Light};
 use crate::math::random::{Dimension, Purpose};
-use crate::math::{Bounds, DVec3, Distribution, Frame, Ray, Rgb, Stream, choose, sampling};
+use crate::math::{Bounds, DVec3, Distribution, Frame, Ray, Rgb, Stream, sampling};
 use crate::scene::description::PhotonEmission;
 use crate::scene::{Glow, Inside, Scene, Surface};
 
@@ -43,41 +43,14 @@ pub struct Sources<'s> {
     sources: Vec<Source<'s>>,
     /// The sources' shares of the photons, which are those of the power unless evened out.
     shares: Distribution,
-    /// Where photons are aimed at: the spheres around solids, then wider ones; empty while they are not.
-    targets: Vec<Target>,
-    /// How many of them are the smallest around a solid.
-    closest: usize,
-    /// The share of photons that are not aimed.
-    unaimed: f64,
-}
-
-/// A sphere that photons are aimed at.
-#[derive(Clone, Debug)]
-struct Target {
-    center: DVec3,
-    radius: f64,
-    /// The share of photons that are aimed at it.
-    share: f64,
-    /// Where on it, if that is learnt: of directions, by 1 − cos θ as a share of its most, and the turn; of parallel light by the
-    /// distance's square and the turn.
-    guide: Option<Guide>,
-}
-
-/// At which target a photon was aimed, and where on it.
-#[derive(Clone, Copy, Debug)]
-pub struct Aim {
-    target: u32,
-    place: [f64; 2],
+    /// Where photons are aimed at: the spheres around solids, then wider ones; none while they are not.
+    targets: Targets,
 }
 
 /// The share of photons that are aimed at the spheres around solids, once photons are.
 const CLOSEST: f64 = 0.5;
 /// The share that is aimed at wider spheres around these: light that a floor near a solid sends to it comes from there.
-/// Spheres are as many times wider than one another as [`WIDER`]: so the power of a photon grows no faster than with the
-/// square of the distance from the solid at which it lands, which is how its chance to come to the solid falls.
 const AROUND: f64 = 0.25;
-/// See [`AROUND`].
-const WIDER: f64 = 3.0;
 /// The share of photons that are aimed at the spheres around surfaces: the rest is for what those photons bend farther.
 const AIMED: f64 = 0.95;
 /// The share of photons that stays drawn in proportion to power once shares are evened out: what is learnt from a few
@@ -146,7 +119,7 @@ impl<'s> Sources<'s> {
         }
         let shares = Distribution::new(powers);
         let sources = if shares.is_empty() { Vec::new() } else { sources };
-        Sources { scene, sources, shares, targets: Vec::new(), closest: 0, unaimed: 1.0 }
+        Sources { scene, sources, shares, targets: Targets::none() }
     }
 
     /// Aims most photons at the solids whose medium scatters, as those that miss are seldom stored; the light is the
@@ -157,17 +130,8 @@ impl<'s> Sources<'s> {
             return;
         }
         let solids = self.scene.solids.iter().filter(|solid| scatters(solid.medium));
-        let mut targets: Vec<Target> = solids.map(|solid| Target::around(self.scene, solid.shape)).collect();
-        let closest = targets.len();
-        let whole = self.scene.surroundings.radius;
-        for index in 0..closest {
-            let mut target = targets[index].clone();
-            while target.radius > 0.0 && target.radius * WIDER < whole {
-                target.radius *= WIDER;
-                targets.push(target.clone());
-            }
-        }
-        self.aim_at(targets, closest, [CLOSEST, AROUND]);
+        let closest = solids.map(|solid| Target::around(self.scene.geometry.bounds(solid.shape))).collect();
+        self.targets = Targets::with_wider(closest, self.scene.surroundings.radius, [CLOSEST, AROUND]);
     }
 
     /// Aims nearly all photons at the surfaces for which `wanted` holds: at each, if there are no more than `most`, else at
@@ -178,57 +142,32 @@ impl<'s> Sources<'s> {
             .map(|(shape, _)| {
                 let (center, radius) = self.scene.geometry.bounding_sphere(shape);
                 // The light that just grazes it, too.
-                Target { center, radius: radius * (1.0 + 1e-9), share: 0.0, guide: None }
+                Target::new(center, radius * (1.0 + 1e-9))
             })
             .collect();
         if targets.len() > most {
             let all = targets.iter().fold(Bounds::EMPTY, |all, target| {
                 all.union(Bounds { min: target.center, max: target.center }.grown(target.radius))
             });
-            targets = vec![Target { center: all.center(), radius: 0.5 * all.diagonal(), share: 0.0, guide: None }];
+            targets = vec![Target::around(all)];
         }
-        let all = targets.len();
-        self.aim_at(targets, all, [AIMED, 0.0]);
+        self.targets = Targets::even(targets, AIMED);
     }
 
-    /// Aims at spheres: these shares of the photons at the `closest` of them, and at the rest.
-    fn aim_at(&mut self, mut targets: Vec<Target>, closest: usize, shares: [f64; 2]) {
-        let (near, wide) = targets.split_at_mut(closest);
-        for (targets, share) in [near, wide].into_iter().zip(shares) {
-            let each = share / targets.len().max(1) as f64;
-            targets.iter_mut().for_each(|target| target.share = each);
-        }
-        self.unaimed = 1.0 - targets.iter().map(|target| target.share).sum::<f64>();
-        (self.targets, self.closest) = (targets, closest);
-    }
-
-    /// Aims anew: at each target, and where on it, about as much as photons of use were aimed there, by their powers. The light is the
-    /// same.
+    /// Aims anew, as photons of use were aimed: see [`Targets::learn`]. The light is the same.
     pub fn learn(&mut self, useful: &[(Aim, f64)]) {
-        let total: f64 = useful.iter().map(|(_, power)| power).sum();
-        if !total.is_normal() {
-            return;
-        }
-        let aimed = 1.0 - self.unaimed;
-        for (index, target) in (0..).zip(&mut self.targets) {
-            let here = || useful.iter().filter(|(aim, _)| aim.target == index);
-            let learnt = aimed * here().map(|(_, power)| power).sum::<f64>() / total;
-            target.share = BY_POWER * target.share + (1.0 - BY_POWER) * learnt;
-            target.guide = Guide::new(here().map(|(aim, power)| (aim.place, *power)));
-        }
+        self.targets.learn(useful);
     }
 
     /// Draws a direction from `from` towards one of the solids that photons are aimed at, if they are.
     pub fn towards_solids(&self, from: DVec3, stream: &mut Stream) -> Option<DVec3> {
-        let index = (stream.uniform() * self.closest as f64) as usize;
-        let target = self.targets.get(index.min(self.closest.checked_sub(1)?))?;
+        let target = self.targets.any_closest(stream.uniform())?;
         Some(target.towards(from, stream.uniform2()))
     }
 
     /// The density per steradian with which that is done.
     pub fn density_towards_solids(&self, from: DVec3, direction: DVec3) -> f64 {
-        let solids = self.targets.iter().take(self.closest);
-        solids.map(|target| target.density(from, direction)).sum::<f64>() / self.closest.max(1) as f64
+        self.targets.density_to_closest(from, direction)
     }
 
     /// Draws a photon's start anew, from what it was drawn from and from what goes towards a target: the power is
@@ -238,12 +177,11 @@ impl<'s> Sources<'s> {
         if self.targets.is_empty() || spread == DrawnFrom::Other {
             return Some((departure, None));
         }
-        let shares = self.targets.iter().map(|target| target.share).chain([self.unaimed]);
         let [which, place @ ..] = stream.draw(Dimension::Aim, |stream| [(); 3].map(|()| stream.uniform()));
-        let chosen = choose(shares, 1.0, which).map_or(0, |choice| choice.index);
-        let target = self.targets.get(chosen);
+        let chosen = self.targets.choose(which);
+        let target = chosen.map(|(_, target)| target);
         let place = target.and_then(|target| target.guide.as_ref()).map_or(place, |guide| guide.place(place));
-        let aim = target.map(|_| Aim { target: chosen as u32, place });
+        let aim = chosen.map(|(target, _)| Aim { target, place });
         if spread == DrawnFrom::Disc {
             let whole = self.scene.surroundings;
             let frame = Frame::around(ray.direction);
@@ -270,9 +208,9 @@ impl<'s> Sources<'s> {
                     0.0
                 }
             };
-            let density: f64 = self.targets.iter().map(density).sum();
+            let density = self.targets.across(&Ray::new(origin, ray.direction), density);
             let weight = if aside(whole.center).length_squared() <= whole.radius * whole.radius { 1.0 } else { 0.0 };
-            let power = power * (weight / (weight * self.unaimed + density));
+            let power = power * (weight / (weight * self.targets.unaimed() + density));
             return Some((Departure { ray: Ray::new(origin, ray.direction), power, spread }, aim));
         }
         let direction = target.map_or(ray.direction, |target| target.towards(ray.origin, place));
@@ -280,8 +218,8 @@ impl<'s> Sources<'s> {
             DrawnFrom::Cosine(normal) => normal.dot(direction).max(0.0) / PI,
             _ => 1.0 / (4.0 * PI),
         };
-        let density: f64 = self.targets.iter().map(|target| target.share * target.density(ray.origin, direction)).sum();
-        let power = power * (own / (own * self.unaimed + density));
+        let density = self.targets.density(ray.origin, direction);
+        let power = power * (own / (own * self.targets.unaimed() + density));
         (own > 0.0).then(|| (Departure { ray: Ray::new(ray.origin, direction), power, spread }, aim))
     }
 
@@ -377,56 +315,6 @@ impl<'s> Sources<'s> {
         let inside = inside.cloned().unwrap_or_else(|| self.scene.inside(ray.origin));
         Some(Start { ray, power, inside, from_light: true, source: 0, aim })
     }
-}
-
-impl Target {
-    /// The sphere around a shape, with no share yet.
-    fn around(scene: &Scene, shape: u32) -> Target {
-        let bounds = scene.geometry.bounds(shape);
-        Target { center: bounds.center(), radius: 0.5 * bounds.diagonal(), share: 0.0, guide: None }
-    }
-
-    /// 1 − cos of the half-angle under which it is seen; all around from inside of it.
-    fn opening(&self, from: DVec3) -> f64 {
-        let sin2 = (self.radius / self.center.distance(from)).powi(2);
-        if sin2 < 1.0 { sin2 / (1.0 + (1.0 - sin2).sqrt()) } else { 2.0 }
-    }
-
-    /// Its direction, if it has one.
-    fn axis(&self, from: DVec3) -> Option<DVec3> {
-        (self.center - from).try_normalize()
-    }
-
-    /// The direction towards it that two uniform numbers stand for.
-    fn towards(&self, from: DVec3, numbers: [f64; 2]) -> DVec3 {
-        let axis = self.axis(from).unwrap_or(DVec3::Z);
-        Frame::around(axis).to_world(sampling::cone(self.opening(from), numbers)).normalize()
-    }
-
-    /// The density of that per steradian.
-    fn density(&self, from: DVec3, direction: DVec3) -> f64 {
-        let opening = self.opening(from);
-        let axis = self.axis(from).unwrap_or(DVec3::Z);
-        let lower = 0.5 * (axis - direction).length_squared();
-        if lower > opening {
-            return 0.0;
-        }
-        let place = || {
-            let Frame { x, y, .. } = Frame::around(axis);
-            [lower / opening, turn(direction.dot(x), direction.dot(y))]
-        };
-        self.guided(place) / (2.0 * PI * opening)
-    }
-
-    /// By how much denser photons are aimed at a place on it than evenly.
-    fn guided(&self, place: impl FnOnce() -> [f64; 2]) -> f64 {
-        self.guide.as_ref().map_or(1.0, |guide| guide.density(place()))
-    }
-}
-
-/// The direction of (x, y) as a share of a full turn from x.
-fn turn(x: f64, y: f64) -> f64 {
-    (y.atan2(x) / TAU).rem_euclid(1.0)
 }
 
 /// The solids around a light with this box, if they are certain to be the same for all photons that leave it.

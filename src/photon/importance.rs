@@ -6,7 +6,7 @@
 //! ones carry the power of the others. And sources are drawn by how noisy they would leave what is seen.
 
 use super::Photon;
-use super::emission::Aim;
+use super::targets::Aim;
 use crate::math::Vec3;
 
 /// A place that counts in the picture.

@@ -2,6 +2,7 @@
 //!
 //! - `emission` draws where they start, `pilot` finds out how, `tracer` is their journey, `wander` that of
 //!   many at once deep in dense solids, `pass` all of them together.
+//! - `emission` draws where they start, at what `targets`, `pilot` finds out how, `tracer` is their journey, `pass` all of them together.
 //! - `importance` tells where photons change the picture; `guide` is what they learn about where to aim.
 //! - `control` has photons hand their power to neighbours where they lie closest.
 //! - `budget` bounds what that may cost.
@@ -31,6 +32,7 @@ pub(crate) mod simd;
 mod sinks;
 pub(crate) mod store;
 mod surfaces;
+mod targets;
 mod tracer;
 mod uneven;
 pub mod walls;
