@@ -1,5 +1,7 @@
 //! About how dense voxels are, cell by cell.
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use super::Grid;
@@ -13,7 +15,7 @@ pub struct Coarse {
     to_cells: DAffine3,
     size: [usize; 3],
     /// z fastest.
-    values: Vec<f32>,
+    values: Arc<[f32]>,
 }
 
 /// Cells, at most, before some are added around them.
@@ -36,9 +38,18 @@ const FALL: f32 = 0.25;
 /// A cell is no less dense than this share of its densest voxel.
 const LEAST: f32 = 0.125;
 
-impl Coarse {
+/// The cells of voxels, in index space: the same wherever these are placed.
+#[derive(Clone, Debug)]
+pub(super) struct Cells {
+    /// From index space to cells.
+    to_cells: DAffine3,
+    size: [usize; 3],
+    values: Arc<[f32]>,
+}
+
+impl Cells {
     /// Of voxels; `None` where there are none, or no end of them.
-    pub(super) fn new(grid: &Grid) -> Option<Self> {
+    pub fn new(grid: &Grid) -> Option<Self> {
         let voxels = grid.voxels();
         let inside = if voxels.background() == 0.0 { voxels.support() } else { Bounds::ALL };
         let extent = inside.intersection(grid.clip());
@@ -80,10 +91,16 @@ impl Coarse {
         for _ in 0..RINGS {
             values = spread(&values, size);
         }
-        let to_cells = DAffine3::from_translation(-low.as_dvec3())
-            * DAffine3::from_scale(DVec3::splat(f64::from(edge).recip()))
-            * grid.to_index();
-        Some(Coarse { to_cells, size, values })
+        let to_cells =
+            DAffine3::from_translation(-low.as_dvec3()) * DAffine3::from_scale(DVec3::splat(f64::from(edge).recip()));
+        Some(Cells { to_cells, size, values: values.into() })
+    }
+}
+
+impl Coarse {
+    /// Cells where `to_index` takes the scene to the voxels.
+    pub(super) fn new(cells: &Cells, to_index: &DAffine3) -> Self {
+        Coarse { to_cells: cells.to_cells * *to_index, size: cells.size, values: cells.values.clone() }
     }
 
     /// Calls `visit(from, to, density)` on consecutive pieces of the ray between `a` and `b`, where it is not 0.
@@ -153,8 +170,6 @@ fn spread(values: &[f32], size: [usize; 3]) -> Vec<f32> {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
     use super::*;
     use crate::math::random::{Purpose, Stream};
     use crate::math::sampling;

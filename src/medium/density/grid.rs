@@ -5,6 +5,7 @@ use std::sync::{Arc, OnceLock};
 
 use super::Coarse;
 use super::bricks::{BrickGrid, Cell, Precision};
+use super::coarse::Cells;
 use crate::math::{Bounds, DAffine3, DVec3, Ray};
 
 /// Voxels placed in the scene: a density, or a temperature.
@@ -15,6 +16,8 @@ pub struct Grid {
     to_index: DAffine3,
     /// Outside of this box in index space the density is 0.
     clip: Bounds,
+    /// What all places of the voxels share of the following, clipped alike.
+    cells: Arc<OnceLock<Option<Cells>>>,
     /// Found when it is first asked for.
     coarse: Arc<OnceLock<Option<Coarse>>>,
 }
@@ -22,24 +25,25 @@ pub struct Grid {
 impl Grid {
     /// Places voxels; `to_world` takes index space to the scene.
     pub fn new(voxels: Arc<BrickGrid>, to_world: DAffine3) -> Self {
-        Grid { voxels, to_index: to_world.inverse(), clip: Bounds::ALL, coarse: Arc::default() }
+        Grid { voxels, to_index: to_world.inverse(), clip: Bounds::ALL, cells: Arc::default(), coarse: Arc::default() }
     }
 
     /// With voxels kept so exactly.
     pub fn with_precision(self, precision: Precision) -> Self {
         let voxels = Arc::new(Arc::unwrap_or_clone(self.voxels).with_precision(precision));
-        Grid { voxels, coarse: Arc::default(), ..self }
+        Grid { voxels, cells: Arc::default(), coarse: Arc::default(), ..self }
     }
 
     /// With density 0 outside of a box in index space.
     pub fn clipped(self, clip: Bounds) -> Self {
-        Grid { clip, coarse: Arc::default(), ..self }
+        Grid { clip, cells: Arc::default(), coarse: Arc::default(), ..self }
     }
 
     /// Carried along by a transform of the scene.
     pub fn moved(&self, transform: DAffine3) -> Self {
         let to_index = self.to_index * transform.inverse();
-        Grid { voxels: self.voxels.clone(), to_index, clip: self.clip, coarse: Arc::default() }
+        let (voxels, cells) = (self.voxels.clone(), self.cells.clone());
+        Grid { voxels, to_index, clip: self.clip, cells, coarse: Arc::default() }
     }
 
     /// Whether it is the other one: the same voxels in the same place.
@@ -54,12 +58,8 @@ impl Grid {
 
     /// About how dense it is, cell by cell; `None` where it is empty, or never ends.
     pub fn coarse(&self) -> Option<&Coarse> {
-        self.coarse.get_or_init(|| Coarse::new(self)).as_ref()
-    }
-
-    /// From the scene to index space.
-    pub(super) fn to_index(&self) -> DAffine3 {
-        self.to_index
+        let cells = || self.cells.get_or_init(|| Cells::new(self)).as_ref();
+        self.coarse.get_or_init(|| cells().map(|cells| Coarse::new(cells, &self.to_index))).as_ref()
     }
 
     /// Outside of this box in index space the density is 0.

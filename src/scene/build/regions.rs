@@ -21,13 +21,19 @@ pub(super) fn join_regions(scene: &mut Scene) {
     let margin = 1e-9 * scene.geometry.all_bounds().diagonal();
     let boxes: Vec<Bounds> =
         scene.solids.iter().map(|solid| scene.geometry.bounds(solid.shape).grown(margin)).collect();
+    let bounded = |&solid: &u32| scene.surfaces[scene.solids[solid as usize].shape as usize].solid == Some(solid);
+    let unbounded: Vec<u32> = (0..count as u32).filter(|solid| !bounded(solid)).collect();
+    let mut near: Vec<u32> = Vec::new();
     let index = |solid: &Solid| solid.index.unwrap_or(Rgb::ONE);
     for i in 0..count {
         if scene.solids[i].medium == scene.world && index(&scene.solids[i]) == Rgb::ONE {
             let (a, b) = (root(&mut parent, i), root(&mut parent, count));
             parent[a.min(b)] = a.max(b);
         }
-        for j in 0..i {
+        // Solids that no surface bounds are overlaps of others.
+        near.clear();
+        scene.geometry.boxes_overlapping(&boxes[i], |shape| near.extend(scene.surfaces[shape as usize].solid));
+        for j in near.iter().copied().chain(unbounded.iter().copied()).map(|solid| solid as usize).filter(|&j| j != i) {
             let (one, other) = (&scene.solids[i], &scene.solids[j]);
             let same = one.medium == other.medium && index(one) == index(other);
             if same && boxes[i].overlaps(&boxes[j]) {
@@ -46,6 +52,11 @@ pub(super) fn join_regions(scene: &mut Scene) {
         scene.solids[i].region = number(root(&mut parent, i));
     }
     scene.regions = numbers.len() as u32;
+    scene.region_media = vec![scene.world; numbers.len()];
+    // All solids of a region have one medium.
+    for solid in &scene.solids {
+        scene.region_media[solid.region as usize] = solid.medium;
+    }
 }
 
 /// A sphere around all surfaces, lights, the camera and bounded media. Where an atmosphere fills the world,
