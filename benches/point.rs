@@ -262,7 +262,7 @@ fn compare(name: &str, structures: &Structures, ball: Ball, places: &[Place]) {
         let mut memory = PointMemory::default();
         let mut sum = 0.0;
         for &(position, direction) in places {
-            let query = PointQuery { position, direction, phase: &phase, max_events: 255 };
+            let query = PointQuery { position, direction, phase: &phase, hull: None, max_events: 255 };
             sum += f64::from(map.gather(&query, &no_walls, &mut memory, &mut stats).total[1]);
         }
         sum

@@ -22,6 +22,7 @@ fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/stress")
 }
 
+/// A scene of the folder by its name, or any by its path.
 fn try_render(name: &str, overrides: &[&str]) -> Result<(Rendering, Vec<String>)> {
     let overrides: Vec<String> = overrides.iter().map(|text| text.to_string()).collect();
     let description = scene::read(&folder().join(name).with_extension("toml"), &overrides)?;
@@ -366,6 +367,90 @@ fn size_and_place_of_a_scene_do_not_matter() {
     for (size, place) in [(1e-4, 0.0), (1e4, 0.0), (1.0, 1e5)] {
         for (found, expected) in render(size, place).into_iter().zip(reference) {
             assert_near(&format!("size {size}, place {place}"), found, expected, 0.01);
+        }
+    }
+}
+
+/// A small picture of matter under a lamp.
+const LAMP: &str = r#"
+[film]
+width = 12
+height = 12
+[camera]
+position = [0, 0, 5]
+target = [0, 0, 0]
+fov = 35
+[render]
+samples = 64
+[media.fog]
+sigma_t = 20
+albedo = 0.8
+[[lights]]
+type = "point"
+position = [2, 3, 2]
+intensity = 50
+"#;
+
+/// A scene with these shapes, kept in a folder.
+fn written(folder: &tempfile::TempDir, name: &str, shapes: &str) -> String {
+    let path = folder.path().join(name).with_extension("toml");
+    std::fs::write(&path, format!("{LAMP}{shapes}")).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+/// Discs and balls wider than the solids that photons lie in give these their light, be there sixty photons in each or seven.
+#[test]
+fn many_small_solids_keep_their_light() {
+    let folder = tempfile::tempdir().unwrap();
+    for (kind, shape, scale) in [
+        ("sphere", "center = [0, 0, 0]\nradius = 0.03", ""),
+        ("box", "min = [-0.03, -0.02, -0.02]\nmax = [0.03, 0.02, 0.02]", ""),
+        ("sphere", "center = [0, 0, 0]\nradius = 0.03", "{ scale = [0.7, 1.6, 1] }, "),
+    ] {
+        let mut shapes = format!("[[shapes]]\nname = \"one\"\ntype = \"{kind}\"\n{shape}\ninterior = \"fog\"\n");
+        for i in 1..500 {
+            let [x, y, z] =
+                [0.754_877_7, 0.569_840_3, 0.618_034].map(|step: f64| 2.0 * (f64::from(i) * step).fract() - 1.0);
+            let moved = format!(
+                "{scale}{{ rotate = {{ axis = [{x}, {y}, 1], angle = {i} }} }}, {{ translate = [{x}, {y}, {z}] }}"
+            );
+            shapes += &format!("[[shapes]]\ntype = \"instance\"\nof = \"one\"\ntransform = [{moved}]\n");
+        }
+        let scene = written(&folder, "many", &shapes);
+        let path = outcome(&scene, &[PATH, "render.samples=512"]).mean[0];
+        for (photons, bound, estimate) in [(30_000, 0.04, "beam"), (3500, 0.08, "beam"), (30_000, 0.05, "point")] {
+            let photons = format!("photons.volume={photons}");
+            let found = outcome(&scene, &[PHOTON, &photons, &format!("volume.estimate={estimate}")]).mean[0];
+            assert_near(&format!("{kind}{scale}, {photons}, {estimate}"), found, path, bound);
+        }
+    }
+}
+
+/// A mesh that crosses itself, or holds another that faces alike, encloses what either encloses, whoever asks.
+#[test]
+fn a_mesh_that_overlaps_itself_is_the_same_to_all() {
+    let folder = tempfile::tempdir().unwrap();
+    let cube = |min: f64, max: f64, first: u32| {
+        let corner = |i: u32| [0, 1, 2].map(|axis| if i >> axis & 1 == 0 { min } else { max });
+        let mut text: String = (0..8).map(corner).map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect();
+        for [a, b, c, d] in [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]] {
+            text += &format!("f {} {} {} {}\n", first + a, first + b, first + c, first + d);
+        }
+        text
+    };
+    std::fs::write(folder.path().join("crossing.obj"), cube(-0.8, 0.6, 1) + &cube(-0.2, 1.0, 9)).unwrap();
+    std::fs::write(folder.path().join("nested.obj"), cube(-0.8, 0.6, 1) + &cube(-0.5, 0.3, 9)).unwrap();
+    std::fs::write(folder.path().join("plain.obj"), cube(-0.8, 0.6, 1)).unwrap();
+    let thin = ["media.fog.sigma_t=2", "photons.volume=30000"];
+    let mean = |name: &str, overrides: &[&str]| {
+        let mesh = format!("[[shapes]]\ntype = \"mesh\"\nfile = \"{name}.obj\"\ninterior = \"fog\"\n");
+        outcome(&written(&folder, name, &mesh), &[&thin, overrides].concat()).mean[0]
+    };
+    let path = ["crossing", "nested", "plain"].map(|name| mean(name, &[PATH, "render.samples=256"]));
+    assert_near("nested, by paths", path[1], path[2], 0.02);
+    for (name, path) in ["crossing", "nested"].iter().zip(path) {
+        for (method, bound) in [(PHOTON, 0.04), ("render.method=light", 0.04)] {
+            assert_near(&format!("{name}, {method}"), mean(name, &[method]), path, bound);
         }
     }
 }

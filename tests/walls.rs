@@ -111,6 +111,7 @@ fn bands(seed: u64) -> [[[f64; 2]; 3]; 2] {
                             phase: &phase,
                             extinction: medium.extinction.as_vec3(),
                             depth: None,
+                            hull: None,
                             max_events: u8::MAX,
                             pruning: None,
                         };

@@ -393,6 +393,7 @@ fn query(phase: &PhaseLanes) -> BeamQuery<'_> {
         phase,
         extinction: Vec3::splat(SIGMA),
         depth: None,
+        hull: None,
         max_events: 255,
         pruning: None,
     }

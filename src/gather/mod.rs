@@ -2,6 +2,7 @@
 
 mod beam;
 mod bundle;
+mod confined;
 mod depth;
 mod few;
 mod flux;
@@ -23,6 +24,7 @@ mod volume;
 
 pub use beam::BeamQuery;
 pub use bundle::{Bundle, BundleScratch};
+pub use confined::Confines;
 pub use depth::DepthTable;
 pub use flux::FluxMap;
 pub use gathered::{GatherStats, Gathered};

@@ -1,10 +1,12 @@
 //! The point query: the light scattered at one point, from the photons in a ball around it (Jensen 2001, §10.7;
 //! Jarosz et al. 2008, Eq. 3–4).
 
+use super::confined::{Confines, Within, share_of_ball};
 use super::gathered::{GatherStats, Gathered, Sums};
 use super::march::{March, Marcher};
 use super::phase::{BroadSum, Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Sum};
 use super::segment::EyeSegment;
+use crate::geometry::Hull;
 use crate::math::{DVec3, Rgb, Stream, Vec3};
 use crate::medium::Medium;
 use crate::medium::phase::Peak;
@@ -22,6 +24,8 @@ pub struct PointQuery<'a> {
     pub direction: DVec3,
     /// The medium's phase function.
     pub phase: &'a PhaseLanes,
+    /// The solid that it lies in, if balls are about as wide as that.
+    pub hull: Option<&'a Hull>,
     /// Only photons with at most this many events count, if the map is tagged; 255 for all.
     pub max_events: u8,
 }
@@ -64,18 +68,23 @@ impl PointMap {
         }
         let radius = squared_radius.sqrt();
         let mut planes = Planes::new();
-        if !self.is_clear(x, radius, blocks) {
+        if query.hull.is_none() && !self.is_clear(x, radius, blocks) {
             walls(x, radius, &mut planes);
         }
 
-        let (found, omega) = (LookedUp { map: self, x, squared_radius, blocks, planes: &planes }, query.direction);
+        let within = query.hull.map(|hull| Within::new(hull, query.position));
+        let (found, omega) =
+            (LookedUp { map: self, x, squared_radius, blocks, planes: &planes, within }, query.direction);
         let sums = match &query.phase.0 {
             Kind::Isotropic => found.sum(Isotropic, query.max_events, stats),
             Kind::HenyeyGreenstein(g) => found.sum(HenyeyGreenstein::new(*g, omega), query.max_events, stats),
             Kind::Sum(terms) => found.sum(Sum::new(terms, omega), query.max_events, stats),
             Kind::Broad(terms, broad) => found.sum(BroadSum::new(terms, broad, omega), query.max_events, stats),
         };
-        let inside = share(self.profile, &planes, radius);
+        let inside = match query.hull {
+            None => share(self.profile, &planes, radius),
+            Some(hull) => share_of_ball(self.profile, hull, query.position, radius.into()),
+        };
         let factor = self.profile.ball_peak() / (f64::from(squared_radius) * f64::from(radius) * inside);
         sums.times(factor)
     }
@@ -109,6 +118,8 @@ struct LookedUp<'a> {
     squared_radius: f32,
     blocks: &'a [u32],
     planes: &'a [Plane],
+    /// Photons elsewhere do not count.
+    within: Option<Within>,
 }
 
 impl LookedUp<'_> {
@@ -153,8 +164,13 @@ impl<P: Evaluate, S: Shape> Task for GatherBall<'_, P, S> {
 
     #[inline(always)]
     fn run<L: Lanes>(self) -> Sums {
-        let GatherBall { found: LookedUp { map, x, squared_radius, blocks, planes }, phase, max_events, stats, .. } =
-            self;
+        let GatherBall {
+            found: LookedUp { map, x, squared_radius, blocks, planes, within },
+            phase,
+            max_events,
+            stats,
+            ..
+        } = self;
         let lanes = [L::splat(x.x), L::splat(x.y), L::splat(x.z)];
         let (limit, inverse) = (L::splat(squared_radius), L::splat(1.0 / squared_radius));
         let zero = L::splat(0.0);
@@ -175,6 +191,9 @@ impl<P: Evaluate, S: Shape> Task for GatherBall<'_, P, S> {
                 let height = dz.mul_add(L::splat(n.z), L::splat(plane.distance));
                 let height = dx.mul_add(L::splat(n.x), dy.mul_add(L::splat(n.y), height));
                 bits &= L::bits(zero.less(height));
+            }
+            if let Some(within) = &within {
+                bits &= L::bits(within.contains(&map.relative::<L>(index, &lanes)));
             }
             let events = map.events.get(index);
             if let Some(events) = events
@@ -213,6 +232,7 @@ pub struct PointMaps {
     maps: Vec<Option<PointMap>>,
     phases: Vec<PhaseLanes>,
     marchers: Vec<Marcher>,
+    confines: Confines,
 }
 
 /// What a thread keeps from march to march.
@@ -225,8 +245,14 @@ pub struct Marching {
 
 impl PointMaps {
     /// From the maps of all regions, in their order, all media, the peaks of these that are left to paths, and each one's marcher.
-    pub fn new(maps: Vec<Option<PointMap>>, media: &[Medium], peaks: &[Option<Peak>], marchers: Vec<Marcher>) -> Self {
-        PointMaps { maps, phases: PhaseLanes::of_media(media, peaks), marchers }
+    pub fn new(
+        maps: Vec<Option<PointMap>>,
+        media: &[Medium],
+        peaks: &[Option<Peak>],
+        marchers: Vec<Marcher>,
+        confines: Confines,
+    ) -> Self {
+        PointMaps { maps, phases: PhaseLanes::of_media(media, peaks), marchers, confines }
     }
 
     /// From now on, rays are marched so, by medium.
@@ -258,13 +284,14 @@ impl PointMaps {
         }
         let memory = &mut marching.memories[region];
         let phase = &self.phases[segment.medium as usize];
+        let hull = self.confines.of(segment.solid);
         let mut source = |t: f64, _: &mut Stream| {
             let position = ray.at(t);
             let density = if map.fluence { medium.density.at(position) } else { 1.0 };
             if density <= 0.0 {
                 return [Rgb::ZERO; 2];
             }
-            let query = PointQuery { position, direction: ray.direction, phase, max_events: segment.max_events };
+            let query = PointQuery { position, direction: ray.direction, phase, hull, max_events: segment.max_events };
             let (total, single) = map.gather(&query, walls, memory, stats).rgb();
             [total * density, single * density]
         };
@@ -406,6 +433,7 @@ mod tests {
                         position: at,
                         direction: sampling::sphere(stream.uniform2()),
                         phase: &phase,
+                        hull: None,
                         max_events: if i % 5 == 0 { 1 } else { 255 },
                     };
                     let (expected, inside) = search(&photons, &settings, &query, g, &room);
@@ -436,8 +464,13 @@ mod tests {
             normal: Default::default(),
         };
         let phase = PhaseLanes::new(Isotropic);
-        let query =
-            PointQuery { position: one.position.as_dvec3(), direction: DVec3::Z, phase: &phase, max_events: 255 };
+        let query = PointQuery {
+            position: one.position.as_dvec3(),
+            direction: DVec3::Z,
+            phase: &phase,
+            hull: None,
+            max_events: 255,
+        };
         for ball in [Ball::Fixed(0.5), Ball::Nearest { neighbours: 500, max_radius: 0.5 }] {
             let settings = PointSettings::new(ball);
             let look = |map: &PointMap, query: &PointQuery| {
@@ -500,6 +533,7 @@ mod tests {
                         std::slice::from_ref(&medium),
                         &[],
                         vec![Marcher { stepping, size: 0.15 }],
+                        Confines::default(),
                     );
                     let (mut ratios, mut marching) = (Vec::new(), Marching::default());
                     let mut stream = Stream::new(13, Purpose::Test, 1, case as u64);
@@ -516,6 +550,7 @@ mod tests {
                             b: length,
                             medium: 0,
                             region: 0,
+                            solid: None,
                             max_events: 255,
                             from_camera: true,
                             passed: false,

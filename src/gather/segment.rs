@@ -15,6 +15,8 @@ pub struct EyeSegment {
     pub medium: u32,
     /// The region whose photons count.
     pub region: u32,
+    /// The solid that it lies in, if that decides there: an index into the scene's.
+    pub solid: Option<u32>,
     /// Only photons with at most this many events count; 255 for all.
     pub max_events: u8,
     /// Whether it lies on a ray from the camera: segments queued one after the other are then close to

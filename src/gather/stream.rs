@@ -172,7 +172,7 @@ impl<P: Evaluate, T: Transmit> Task for GatherStream<'_, P, T> {
                 let (blocks, mut inner) = (hit & leaves, hit & !leaves);
                 if blocks != 0 {
                     let mut found = Found::<L>::none();
-                    let limits = (max_events, ray.pruning);
+                    let limits = (max_events, ray.pruning, None);
                     met += u64::from(blocks.count_ones());
                     for block in blocks_of(&node.children, blocks) {
                         add_block(map, block, &lanes, &ray.phase, &transmittance, limits, &mut found);

@@ -152,7 +152,7 @@ fn world(dice: &mut Dice) -> World {
         _ => Phase::HenyeyGreenstein(HenyeyGreenstein { g: dice.between(-0.9, 0.9) }),
     };
     let medium = Medium { name: String::new(), extinction, albedo: Rgb::ONE, phase, density, emission: Emission::None };
-    let maps = VolumeMaps::new(vec![Some(map.clone())], std::slice::from_ref(&medium), &[]);
+    let maps = VolumeMaps::new(vec![Some(map.clone())], std::slice::from_ref(&medium), &[], super::Confines::default());
     World { half, center, medium, maps, map, fuller, comparable: !(absurd || dense || walled || fluence) }
 }
 
@@ -182,7 +182,17 @@ fn view(dice: &mut Dice, world: &World) -> (Vec<EyeSegment>, Option<Fan>) {
             let [x, y] = [0; 2].map(|_| dice.between(-slope, slope));
             let direction = (from + distance.max(extent) * (frame.z + x * frame.x + y * frame.y) - origin).normalize();
             let ray = Ray::new(origin, direction);
-            EyeSegment { ray, a: start, b: end, medium: 0, region: 0, max_events, from_camera, passed: false }
+            EyeSegment {
+                ray,
+                a: start,
+                b: end,
+                medium: 0,
+                region: 0,
+                solid: None,
+                max_events,
+                from_camera,
+                passed: false,
+            }
         })
         .collect();
     let fan = (lens == 0.0).then(|| Fan { origin: from, frame, slope, rays: 20 + dice.below(200) });
@@ -204,6 +214,7 @@ fn alone(world: &World, map: &PhotonMap, segment: &EyeSegment, (a, b): (f64, f64
         phase: &phase,
         extinction: world.medium.extinction.as_vec3(),
         depth: (!matches!(world.medium.density, Density::Uniform)).then_some(&table),
+        hull: None,
         max_events: segment.max_events,
         pruning: None,
     };
@@ -331,14 +342,15 @@ fn even_fluence_is_scattered_by_the_density() {
     let radius = Radius::Fixed(0.25);
     let settings = MapSettings { fluence: true, ..MapSettings::new(radius) };
     let map = PhotonMap::build(photons.clone(), &settings, &|_: Vec3, _: f32, _: f32, _: &mut SmallVec<[Plane; 3]>| {});
-    let maps = VolumeMaps::new(vec![Some(map)], std::slice::from_ref(&medium), &[]);
+    let maps = VolumeMaps::new(vec![Some(map)], std::slice::from_ref(&medium), &[], super::Confines::default());
     let points = PointMap::build(
         photons,
         &PointSettings { fluence: true, ..PointSettings::new(Ball::Fixed(0.25)) },
         &|_, limit| limit,
     );
     let marchers = vec![Marcher { stepping: Stepping::Uniform, size: 0.04 }];
-    let points = PointMaps::new(vec![Some(points)], std::slice::from_ref(&medium), &[], marchers);
+    let points =
+        PointMaps::new(vec![Some(points)], std::slice::from_ref(&medium), &[], marchers, super::Confines::default());
 
     let mut queue: Queue<usize> = Queue::default();
     let (mut marching, mut expected, mut by_points) = (Marching::default(), [Rgb::ZERO; 2], Rgb::ZERO);
@@ -353,6 +365,7 @@ fn even_fluence_is_scattered_by_the_density() {
             b,
             medium: 0,
             region: 0,
+            solid: None,
             max_events: 255,
             from_camera: ray % 2 == 0,
             passed: false,

@@ -3,6 +3,7 @@
 use std::ops::ControlFlow;
 
 use super::beam::Pruning;
+use super::confined::Confines;
 use super::point::Marching;
 use super::segment::EyeSegment;
 use super::{
@@ -22,6 +23,7 @@ pub struct VolumeMaps {
     extinctions: Vec<Vec3>,
     /// By medium, the distance between two samples of a ray's depth, at most: half of the density's feature length.
     steps: Vec<f64>,
+    confines: Confines,
 }
 
 /// A segment that waits, with its depths if they vary, for its owner.
@@ -91,8 +93,9 @@ const SAMPLES: f64 = 64.0;
 
 impl VolumeMaps {
     /// From the maps of all regions, in their order, all media, and the peaks of these that are left to paths.
-    pub fn new(maps: Vec<Option<PhotonMap>>, media: &[Medium], peaks: &[Option<Peak>]) -> Self {
+    pub fn new(maps: Vec<Option<PhotonMap>>, media: &[Medium], peaks: &[Option<Peak>], confines: Confines) -> Self {
         VolumeMaps {
+            confines,
             maps,
             phases: PhaseLanes::of_media(media, peaks),
             extinctions: media.iter().map(|medium| medium.extinction.as_vec3()).collect(),
@@ -121,8 +124,13 @@ impl VolumeMaps {
             return medium.transmittance(medium.density.depth(&ray, a, b));
         };
         // Bundles have no discs that lean on walls.
-        let together = segment.from_camera && !map.leans();
+        let confined = self.confines.of(segment.solid).is_some();
+        let together = segment.from_camera && !map.leans() && !confined;
         if medium.density.is_even() {
+            if confined {
+                queue.done.push((owner, map.gather(&self.query(&segment), &mut queue.stats)));
+                return medium.transmittance(medium.density.depth(&ray, a, b));
+            }
             let waiting = if together { &mut queue.bundles } else { &mut queue.streams };
             waiting.push(Waiting { segment, samples: None, owner });
             return medium.transmittance(medium.density.depth(&ray, a, b));
@@ -142,8 +150,10 @@ impl VolumeMaps {
             if let Some((samples, depth)) = sampled {
                 let Queue { bundles, done, depths, .. } = queue;
                 // Where there is no matter, fluence is not scattered.
-                let whole = (samples, (a, b));
-                let part = if map.fluence { depths.occupied(samples, step, (a, b)) } else { Some(whole) };
+                let part = match map.fluence {
+                    true => depths.occupied(samples, step, (a.max(enters), b.min(leaves))),
+                    false => Some((samples, (a, b))),
+                };
                 match part {
                     Some((samples, (a, b))) => {
                         let segment = EyeSegment { a, b, ..segment };
@@ -159,7 +169,10 @@ impl VolumeMaps {
             queue.done.push((owner, Gathered::default()));
             return Rgb::ONE;
         }
-        let query = BeamQuery { depth: Some(&queue.table), ..self.query(&segment) };
+        let mut query = BeamQuery { depth: Some(&queue.table), ..self.query(&segment) };
+        if map.fluence {
+            query.length = query.length.min((leaves - a) as f32);
+        }
         queue.done.push((owner, map.gather(&query, &mut queue.stats)));
         medium.transmittance(total(queue.table.total()))
     }
@@ -236,6 +249,7 @@ impl VolumeMaps {
             phase: &self.phases[segment.medium as usize],
             extinction: self.extinction(segment.medium, segment.passed),
             depth: None,
+            hull: self.confines.of(segment.solid),
             max_events: segment.max_events,
             pruning: Some(Pruning::number(segment.ray.direction)),
         }

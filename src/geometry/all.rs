@@ -185,6 +185,11 @@ impl Geometry {
         self.placed[id as usize].is_closed()
     }
 
+    /// Whether a closed shape may overlap itself, so that its faces do not tell what lies behind them.
+    pub fn overlaps_itself(&self, id: u32) -> bool {
+        matches!(self.placed[id as usize].shape(), Shape::Mesh(mesh) if mesh.overlaps_itself())
+    }
+
     /// Whether a closed shape contains `p`; never for open ones. Points on the surface may count either
     /// way, but always the same.
     pub fn contains(&self, id: u32, p: DVec3) -> bool {

@@ -30,6 +30,8 @@ pub struct Mesh {
     tree: Tree,
     /// Made when walls are first looked for.
     facing: OnceLock<Vec<Facing>>,
+    /// Found when it is first asked for.
+    pub(super) overlaps: OnceLock<bool>,
     bounds: Bounds,
     closed: bool,
     volume: f64,
@@ -236,6 +238,7 @@ impl Mesh {
             areas: OnceLock::new(),
             tree,
             facing: OnceLock::new(),
+            overlaps: OnceLock::new(),
             bounds,
             closed,
             volume,

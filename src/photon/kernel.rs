@@ -84,6 +84,18 @@ impl Profile {
         0.5 + s * beyond_centre
     }
 
+    /// The share of the ball's kernel within `s ≥ 0` of its centre, in units of the radius: ∫₀ˢ 4πx² K₃(x) dx.
+    pub fn ball_within(self, s: f64) -> f64 {
+        let s = s.clamp(0.0, 1.0);
+        let s2 = s * s;
+        s * s2
+            * match self {
+                Profile::Constant => 1.0,
+                Profile::Epanechnikov => 2.5 - 1.5 * s2,
+                Profile::Biweight => 4.375 + s2 * (1.875 * s2 - 5.25),
+            }
+    }
+
     /// The share of the ball's kernel that two planes leave, at distances `s ≥ 0` from its centre, in units of the
     /// radius, the cosine between their normals being `cosine`: 1 less the parts beyond each, and again what is beyond
     /// both.

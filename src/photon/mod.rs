@@ -1,8 +1,7 @@
 //! Photons in media and on surfaces: how they are traced, stored and spread.
 //!
-//! - `emission` draws where they start, `pilot` finds out how, `tracer` is their journey, `wander` that of
-//!   many at once deep in dense solids, `pass` all of them together.
-//! - `emission` draws where they start, at what `targets`, `pilot` finds out how, `tracer` is their journey, `pass` all of them together.
+//! - `emission` draws where they start, at what `targets`, `pilot` finds out how, `tracer` is their journey, `wander` that of many at once
+//!   deep in dense solids, `pass` all of them together.
 //! - `importance` tells where photons change the picture; `guide` is what they learn about where to aim.
 //! - `control` has photons hand their power to neighbours where they lie closest.
 //! - `budget` bounds what that may cost.

@@ -6,7 +6,7 @@ use super::Plane;
 use crate::geometry::Near;
 use crate::math::Vec3;
 use crate::scene::description::Boundaries;
-use crate::scene::{Inside, Scene};
+use crate::scene::{Inside, Scene, Solid};
 
 /// Walls whose normals differ by less than this cosine are one: neighbouring faces of a curved mesh.
 const ONE_WALL: f64 = 0.9;
@@ -33,6 +33,11 @@ impl Walls {
     /// Of a map whose discs have this mean radius, before passes narrow them: so all passes of a picture make the same of them.
     pub fn of_discs(boundaries: Boundaries, extinction: f64, mean: f64) -> Walls {
         Walls { lean: boundaries == Boundaries::Lean && mean * extinction > LEANING, depth: DEPTH / extinction as f32 }
+    }
+
+    /// Whether discs lean.
+    pub fn lean(&self) -> bool {
+        self.lean
     }
 
     /// Those of a photon whose disc is so wide.
@@ -84,12 +89,20 @@ pub fn near(scene: &Scene, position: Vec3, radius: f32, leans: bool, walls: &mut
             match solids[..] {
                 [] => false,
                 // Most often the world is on the other side, whichever side this is.
-                [solid] if others.get_or_insert_with(boxed).iter().all(|other| *other == solid) => {
+                [solid]
+                    if !scene.solids[solid as usize].overlaps_itself
+                        && others.get_or_insert_with(boxed).iter().all(|other| *other == solid) =>
+                {
                     scene.region(&Inside::of([solid])) != scene.world_region
                 }
                 _ => {
                     let inside = around.get_or_insert_with(|| scene.inside(p));
-                    let toggled = |beyond: Inside, &solid: &u32| beyond.with(solid, !inside.contains(solid));
+                    let toggled = |beyond: Inside, &solid: &u32| {
+                        let Solid { shape, overlaps_itself, .. } = scene.solids[solid as usize];
+                        let behind = || first.point - 1e-6 * f64::from(radius) * first.normal;
+                        let contained = overlaps_itself && scene.geometry.contains(shape, behind());
+                        beyond.with(solid, if overlaps_itself { contained } else { !inside.contains(solid) })
+                    };
                     let beyond = solids.iter().fold(inside.clone(), toggled);
                     scene.region(&beyond) != scene.region(inside)
                 }

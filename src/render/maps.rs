@@ -6,7 +6,7 @@ use super::plan::{Plan, Points};
 use super::progress::Progress;
 use super::stats::Stats;
 use crate::Result;
-use crate::gather::{GlobalMap, PointMaps, SurfaceMap, VisibilityMap, VolumeMaps};
+use crate::gather::{Confines, GlobalMap, PointMaps, SurfaceMap, VisibilityMap, VolumeMaps};
 use crate::medium::Medium;
 use crate::medium::density::Density;
 use crate::medium::phase::Peak;
@@ -46,6 +46,8 @@ pub(super) struct Summary {
     pub rejected: usize,
     pub bytes: usize,
     pub radii: Radii,
+    /// Whether some discs lie along walls.
+    pub leans: bool,
 }
 
 impl Maps {
@@ -72,9 +74,20 @@ impl Maps {
 
     /// Of each map that holds photons, with its region.
     pub(super) fn summaries(&self) -> Vec<(u32, Summary)> {
-        let summary = |photons, rejected, bytes, radii| Summary { photons, rejected, bytes, radii };
-        let of_beams = |map: &PhotonMap| summary(map.len(), map.rejected(), map.bytes(), map.radii());
-        let of_points = |map: &PointMap| summary(map.len(), map.rejected(), map.bytes(), map.radii());
+        let of_beams = |map: &PhotonMap| Summary {
+            photons: map.len(),
+            rejected: map.rejected(),
+            bytes: map.bytes(),
+            radii: map.radii(),
+            leans: map.leans(),
+        };
+        let of_points = |map: &PointMap| Summary {
+            photons: map.len(),
+            rejected: map.rejected(),
+            bytes: map.bytes(),
+            radii: map.radii(),
+            leans: false,
+        };
         match &self.volume {
             None => Vec::new(),
             Some(VolumeMap::Beams(maps)) => maps.by_region().map(|(region, map)| (region, of_beams(map))).collect(),
@@ -195,33 +208,48 @@ fn shadows(
 }
 
 fn beam_maps(scene: &Scene, plan: &Plan, scale: f32, extinctions: &[f64], regions: Vec<Vec<Photon>>) -> VolumeMaps {
-    let build = |(region, (photons, extinction)): (u32, (Vec<Photon>, &f64))| {
+    let corrects = plan.boundaries != Boundaries::None;
+    let walls_of = |region: u32, mean: f32| {
+        Walls::of_discs(plan.boundaries, extinctions[region as usize], f64::from(mean / scale))
+    };
+    let confines = Confines::possible(scene);
+    let is_confined = |region: u32, mean: f32| {
+        let leans = walls_of(region, mean).lean().then_some(extinctions[region as usize]);
+        corrects && confines.confine(region, mean.into(), leans)
+    };
+    let build = |(region, photons): (u32, Vec<Photon>)| {
         let fluence = tells_fluence(scene, region);
         let settings = MapSettings {
             tagged: plan.tagged,
             scale,
             profile: plan.profile,
-            boundaries: plan.boundaries != Boundaries::None,
+            boundaries: corrects,
             fluence,
             ..MapSettings::new(plan.radius)
         };
         let near = |position, radius, mean, planes: &mut _| {
-            let walls = Walls::of_discs(plan.boundaries, *extinction, f64::from(mean / scale));
-            walls.near(scene, (position, radius), planes);
+            if !is_confined(region, mean) {
+                walls_of(region, mean).near(scene, (position, radius), planes);
+            }
         };
         (!photons.is_empty()).then(|| PhotonMap::build(photons, &settings, &near))
     };
-    let mut maps: Vec<Option<PhotonMap>> = (0..).zip(regions.into_iter().zip(extinctions)).map(build).collect();
+    let mut maps: Vec<Option<PhotonMap>> = (0..).zip(regions).map(build).collect();
     for (region, map) in (0..).zip(&mut maps) {
         // Maps without leaning discs are for bundles, which spread collisions evenly.
-        if let (Some(map), Some(density)) = (map, uneven_density(scene, region))
-            && map.leans()
+        if let Some(map) = map.as_mut().filter(|map| map.leans())
             && !tells_fluence(scene, region)
+            && let Some(density) = uneven_density(scene, region)
         {
             map.follow_density(&|p| density.at(p));
         }
     }
-    VolumeMaps::new(maps, &scene.media, &plan.peaks)
+    let confined: Vec<bool> = (0..)
+        .zip(&maps)
+        .map(|(region, map)| map.as_ref().is_some_and(|map| is_confined(region, map.radii().mean)))
+        .collect();
+    let confines = confines.of_regions(scene, |region| confined[region as usize]);
+    VolumeMaps::new(maps, &scene.media, &plan.peaks, confines)
 }
 
 /// The density of a region that is filled with one medium, if it is voxels.
@@ -234,7 +262,7 @@ fn uneven_density(scene: &Scene, region: u32) -> Option<&Density> {
 
 /// Whether photons of a region tell the fluence, and not where they collide.
 pub(super) fn tells_fluence(scene: &Scene, region: u32) -> bool {
-    medium_index(scene, region).is_some_and(|medium| scene.uneven(medium).is_some())
+    scene.region_media[region as usize].is_some_and(|medium| scene.uneven(medium).is_some())
 }
 
 fn point_maps(
@@ -248,17 +276,22 @@ fn point_maps(
         let settings = PointSettings { scale, fluence: tells_fluence(scene, region), ..points.settings };
         (!photons.is_empty()).then(|| PointMap::build(photons, &settings, &clearance))
     };
-    PointMaps::new((0..).zip(regions).map(build).collect(), &scene.media, peaks, points.marchers.clone())
+    let maps: Vec<Option<PointMap>> = (0..).zip(regions).map(build).collect();
+    let confines = Confines::possible(scene);
+    let confined: Vec<bool> = (0..)
+        .zip(&maps)
+        .map(|(region, map)| {
+            let radius = map.as_ref().filter(|_| points.settings.boundaries).map(|map| map.radii().mean);
+            radius.is_some_and(|radius| confines.confine(region, radius.into(), None))
+        })
+        .collect();
+    let confines = confines.of_regions(scene, |region| confined[region as usize]);
+    PointMaps::new(maps, &scene.media, peaks, points.marchers.clone(), confines)
 }
 
 /// The medium of a region.
 pub(super) fn medium_of(scene: &Scene, region: u32) -> Option<&Medium> {
-    medium_index(scene, region).map(|medium| &scene.media[medium as usize])
-}
-
-fn medium_index(scene: &Scene, region: u32) -> Option<u32> {
-    let solid = scene.solids.iter().find(|solid| solid.region == region);
-    solid.map_or(scene.world, |solid| solid.medium)
+    scene.region_media[region as usize].map(|medium| &scene.media[medium as usize])
 }
 
 /// Of each region, by [`mean_extinction`].

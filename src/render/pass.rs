@@ -10,7 +10,7 @@ use super::exact;
 use super::eye::Mode;
 use super::film::Film;
 use super::limits::Limits;
-use super::maps::{Maps, Summary, VolumeMap, mean_extinctions};
+use super::maps::{Maps, VolumeMap, mean_extinctions};
 use super::plan::Plan;
 use super::progress::Progress;
 use super::stats::Stats;
@@ -292,11 +292,9 @@ impl<P: Progress> Renderer<'_, P> {
         let maps = Maps::build(scene, &self.plan, pass / self.plan.parts, &extinctions, traced.regions);
         let summaries = maps.summaries();
         if first {
-            let wide = |(region, map): &(u32, Summary)| {
-                let leans = self.plan.points.is_none() && *region != scene.world_region;
-                warnings::wide_discs(scene, *region, map.radii, extinctions[*region as usize], leans)
-            };
-            self.warnings.extend(summaries.iter().filter_map(wide));
+            let beams = self.plan.points.is_none();
+            self.warnings.extend(warnings::wide_discs(scene, &summaries, &extinctions, beams));
+            self.warnings.extend(warnings::small_solids(scene, &summaries));
         }
         self.stats.built(&summaries);
         self.stats.build_seconds += start.elapsed().as_secs_f64();

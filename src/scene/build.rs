@@ -421,13 +421,16 @@ impl<'d> Builder<'d> {
         for part in order {
             if let Some(Filling { medium, index, adds, .. }) = self.parts[part].solid {
                 self.parts[part].surface.solid = Some(solids.len() as u32);
-                solids.push(Solid { shape: part as u32, medium, index, adds, region: 0 });
+                solids.push(Solid { shape: part as u32, medium, index, adds, overlaps_itself: false, region: 0 });
             }
         }
 
         let shines: Vec<Option<Shine>> = self.parts.iter_mut().map(|part| part.emission.take()).collect();
         let mut surfaces: Vec<Surface> = self.parts.iter().map(|part| part.surface).collect();
         let geometry = Geometry::new(self.parts.into_iter().map(|part| part.placed).collect());
+        for solid in &mut solids {
+            solid.overlaps_itself = geometry.overlaps_itself(solid.shape);
+        }
         for (id, shine) in shines.into_iter().enumerate() {
             let (area, bounds) = (geometry.area(id as u32), geometry.bounds(id as u32));
             let (profile, sides) = match shine {
@@ -459,6 +462,7 @@ impl<'d> Builder<'d> {
             world_region: 0,
             regions: 1,
             distances: Vec::new(),
+            region_media: Vec::new(),
             media: self.media,
             lights: self.lights,
             emitters: Emitters::default(),

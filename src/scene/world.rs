@@ -6,7 +6,7 @@ use super::description::{Camera, Caustics};
 use super::{Finish, Glow};
 use crate::geometry::{Cluster, Distances, Geometry};
 use crate::light::{Emitter, Emitters, Light, Receiver, Surroundings};
-use crate::math::{Bounds, DVec3, Ray, Rgb, Stream};
+use crate::math::{Bounds, DVec3, Ray, Rgb, Stream, error_bound};
 use crate::medium::Medium;
 use crate::medium::density::Coarse;
 use crate::surface::{Material, Paint};
@@ -40,6 +40,8 @@ pub struct Scene {
     /// How far surfaces are from places in each solid and, last, in the world, where a medium of one density is so dense that light
     /// wanders.
     pub distances: Vec<Option<Distances>>,
+    /// What fills each of them: indices into `media`.
+    pub region_media: Vec<Option<u32>>,
     /// All media, one for each place its density was carried to.
     pub media: Vec<Medium>,
     /// All lights, but for glowing media.
@@ -84,6 +86,8 @@ pub struct Solid {
     pub index: Option<Rgb>,
     /// Whether its medium adds to what it overlaps.
     pub adds: bool,
+    /// Whether its shape overlaps itself, so that faces do not tell what lies behind them.
+    pub overlaps_itself: bool,
     /// The region it decides: space a photon map is shared in.
     pub region: u32,
 }
@@ -200,6 +204,12 @@ impl Scene {
         Some(&self.solids[self.overlaps[found].solid as usize])
     }
 
+    /// The solid that alone decides what fills the places inside these solids.
+    pub fn decisive_solid(&self, inside: &Inside) -> Option<u32> {
+        let first = *inside.solids.first()?;
+        (self.solids[first as usize].region == self.region(inside)).then_some(first)
+    }
+
     /// The region of the places inside these solids.
     #[inline]
     pub fn region(&self, inside: &Inside) -> u32 {
@@ -242,9 +252,9 @@ impl Scene {
         (self.medium(&inside) == Some(index)).then(|| (medium.emitted(p) * density, inside))
     }
 
-    /// What is inside after a ray along `direction` has crossed all the surfaces of `cluster`.
+    /// What is inside after a ray has crossed all the surfaces of `cluster`.
     /// Of several crossings of one solid at one place, as on an edge, the sum counts.
-    pub fn cross(&self, inside: &Inside, cluster: &Cluster, direction: DVec3) -> Inside {
+    pub fn cross(&self, inside: &Inside, cluster: &Cluster, ray: &Ray) -> Inside {
         let mut after = inside.clone();
         if cluster.hits().iter().all(|hit| self.surfaces[hit.id as usize].solid.is_none()) {
             return after;
@@ -252,7 +262,7 @@ impl Scene {
         let mut crossings: SmallVec<[(u32, i32); 6]> = SmallVec::new();
         for hit in cluster.hits() {
             if let Some(solid) = self.surfaces[hit.id as usize].solid {
-                let step = if hit.normal.dot(direction) < 0.0 { 1 } else { -1 };
+                let step = if hit.normal.dot(ray.direction) < 0.0 { 1 } else { -1 };
                 match crossings.iter_mut().find(|crossing| crossing.0 == solid) {
                     Some(crossing) => crossing.1 += step,
                     None => crossings.push((solid, step)),
@@ -260,7 +270,11 @@ impl Scene {
             }
         }
         for (solid, sum) in crossings {
-            if sum != 0 {
+            let Solid { shape, overlaps_itself, .. } = self.solids[solid as usize];
+            if overlaps_itself {
+                let last = cluster.hits().last().map_or(0.0, |hit| hit.t);
+                after.set(solid, self.geometry.contains(shape, ray.at(last + 2.0 * error_bound(ray, last))));
+            } else if sum != 0 {
                 after.set(solid, sum > 0);
             }
         }

@@ -140,7 +140,7 @@ impl<'s> Walk<'s> {
                 self.crossed = 0.0;
                 let here = error_bound(&self.ray, 0.0);
                 if self.cluster.nearest().is_some_and(|hit| hit.t <= here) {
-                    self.inside = self.scene.cross(&self.inside, &self.cluster, self.ray.direction);
+                    self.inside = self.scene.cross(&self.inside, &self.cluster, &self.ray);
                     self.crossed = self.cluster.hits().last().map_or(0.0, |hit| hit.t) + here;
                     continue;
                 }
@@ -167,7 +167,7 @@ impl<'s> Walk<'s> {
                 }
             }
             self.t = end;
-            let after = self.scene.cross(&self.inside, &self.cluster, self.ray.direction);
+            let after = self.scene.cross(&self.inside, &self.cluster, &self.ray);
             if let Some((hit, bsdf, relief)) = self.bsdf(&after, visitor) {
                 return self.stop(hit, &bsdf, relief, after);
             }

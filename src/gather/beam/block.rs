@@ -3,6 +3,7 @@
 use super::frame::RayLanes;
 use super::leaning::{Leaning, beside_wall_across};
 use super::transmittance::{Pruning, Transmit};
+use crate::gather::confined::Confined;
 use crate::gather::phase::Evaluate;
 use crate::photon::discs::PhotonMap;
 use crate::photon::simd::{Lanes, at_most, dot_plus, load3};
@@ -43,7 +44,7 @@ pub(in crate::gather) fn add_block<L: Lanes>(
     ray: &RayLanes<L>,
     phase: &impl Evaluate,
     transmittance: &impl Transmit,
-    (max_events, pruning): (u8, Pruning),
+    (max_events, pruning, confined): (u8, Pruning, Option<&Confined>),
     found: &mut Found<L>,
 ) {
     // The ray's frame: t of the foot point, and q, above 0 where the ray meets the disc.
@@ -84,13 +85,21 @@ pub(in crate::gather) fn add_block<L: Lanes>(
     let mut factor = shape.mul(phase.values(&load3::<L>(block.direction))).mul(stretch);
 
     // Walls: the kernel by the share of it that they leave; nothing from beyond them.
-    for wall in map.walls(index) {
+    let walls = if confined.is_none() { map.walls(index) } else { &[] };
+    for wall in walls {
         let (share, near) = match &leaning {
             None => beside_wall_across(map.profile, wall, ray, a, b, inverse_square),
             Some(disc) => disc.beside_wall(map.profile, wall, ray, a, b, inverse_square),
         };
         factor = factor.div(share);
         mask = L::and(mask, near);
+        bits = L::bits(mask);
+    }
+
+    // Solids that discs may be as wide as: likewise.
+    if let Some(confined) = confined {
+        factor = factor.div(confined.share(map.profile, (t, bits), inverse_square));
+        mask = L::and(mask, confined.within.contains(&x));
         bits = L::bits(mask);
     }
 

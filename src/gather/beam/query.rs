@@ -4,9 +4,11 @@ use super::block::{Found, add_block};
 use super::frame::{RayFrame, RayLanes, Slabs};
 use super::listing::Listing;
 use super::transmittance::{Coloured, Grey, Pruning, Tabulated, Transmit, exponents};
+use crate::gather::confined::Confined;
 use crate::gather::depth::DepthTable;
 use crate::gather::gathered::{GatherStats, Gathered, Sums};
 use crate::gather::phase::{BroadSum, Evaluate, HenyeyGreenstein, Isotropic, Kind, PhaseLanes, Sum};
+use crate::geometry::Hull;
 use crate::math::{DVec3, Vec3};
 use crate::photon::discs::PhotonMap;
 use crate::photon::simd::{Lanes, Task};
@@ -29,6 +31,8 @@ pub struct BeamQuery<'a> {
     pub depth: Option<&'a DepthTable>,
     /// Only photons with at most this many events count, if the map is tagged; 255 for all.
     pub max_events: u8,
+    /// The solid that it lies in, if discs are about as wide as that.
+    pub hull: Option<&'a Hull>,
     /// A number in (0, 1] that decides, by Russian roulette, how far the query goes where hardly any light arrives
     /// from; `None` for all the way.
     pub pruning: Option<f32>,
@@ -139,7 +143,11 @@ impl<P: Evaluate, T: Transmit> Task for GatherBeam<'_, P, T> {
         let ray = RayFrame::new(query.origin, query.direction, query.length).lanes::<L>();
         let slabs = if map.boxes { Some(Slabs::new(map, query.origin, query.direction, query.length)) } else { None };
 
-        let limits = (query.max_events, pruning);
+        let confined = query.hull.map(|hull| {
+            let turn = Pruning::number(-query.direction);
+            Confined::new(hull, query.origin, query.direction, turn.into())
+        });
+        let limits = (query.max_events, pruning, confined.as_ref());
         let mut sums = Sums { total: [0.0; 3], single: [0.0; 3] };
         let mut listing = Listing::new(map);
         let (mut blocks, mut photons) = (0, 0);

@@ -189,6 +189,7 @@ fn queries_equal_the_sum_over_all_photons() {
                     [Vec3::splat(0.7), Vec3::new(0.0, 0.5, 3.0), Vec3::ZERO][number % 7 % 3]
                 },
                 depth: tabulated.then_some(&table),
+                hull: None,
                 max_events: if number % 4 == 1 { 2 } else { 255 },
                 pruning: None,
             };
@@ -229,6 +230,7 @@ fn instruction_sets_agree() {
             phase: &phase,
             extinction: Vec3::new(0.2, 0.4, 0.8),
             depth: None,
+            hull: None,
             max_events: 255,
             pruning: None,
         };
@@ -297,6 +299,7 @@ fn leaning_discs_keep_depths_apart() {
                         phase: &phase,
                         extinction: Vec3::ONE,
                         depth: None,
+                        hull: None,
                         max_events: 255,
                         pruning: None,
                     };
@@ -333,6 +336,7 @@ fn photons_at_one_place_give_a_finite_sum() {
             phase: &phase,
             extinction: Vec3::splat(0.1),
             depth: None,
+            hull: None,
             max_events: 255,
             pruning: None,
         };
@@ -355,6 +359,7 @@ fn photons_at_one_place_give_a_finite_sum() {
         phase: &phase,
         extinction: Vec3::ONE,
         depth: None,
+        hull: None,
         max_events: 255,
         pruning: None,
     };
@@ -413,6 +418,7 @@ fn an_even_density_gives_the_closed_form() {
                     phase: &phase,
                     extinction: Vec3::splat(SIGMA as f32),
                     depth: None,
+                    hull: None,
                     max_events: 255,
                     pruning: None,
                 };

@@ -45,6 +45,7 @@ impl Bundle<'_> {
             phase: self.phase,
             extinction: self.extinction,
             depth: self.depths.is_some().then_some(&*table),
+            hull: None,
             max_events: self.max_events,
             pruning: self.pruned.then(|| Pruning::number(ray.direction)),
         };

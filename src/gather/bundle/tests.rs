@@ -169,6 +169,7 @@ fn pruned_rays_are_right_on_average() {
             phase: &phase,
             extinction,
             depth: None,
+            hull: None,
             max_events: u8::MAX,
             pruning: None,
         };
@@ -265,6 +266,7 @@ fn bundles_know_uneven_depths() {
                     phase: &phase,
                     extinction,
                     depth: Some(&table),
+                    hull: None,
                     max_events: u8::MAX,
                     pruning: None,
                 };

@@ -290,6 +290,7 @@ impl<'s> Looking<'_, '_, 's> {
             b: segment.b,
             medium: segment.medium,
             region: self.eye.scene.region(segment.inside),
+            solid: self.eye.scene.decisive_solid(segment.inside),
             max_events: left.map_or(0, Events::in_a_byte),
             from_camera: luggage.events == 0,
             passed: false,

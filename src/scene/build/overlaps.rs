@@ -59,7 +59,14 @@ pub(super) fn add_up(scene: &mut Scene, description: &[said::Medium]) -> Result<
         let smallest = solids.clone().min_by(|a, b| extent(a).total_cmp(&extent(b))).unwrap_or(first);
         let index = solids.clone().find_map(|solid| solid.index);
         let solid = scene.solids.len() as u32;
-        scene.solids.push(Solid { shape: smallest.shape, medium: Some(medium), index, adds: false, region: 0 });
+        scene.solids.push(Solid {
+            shape: smallest.shape,
+            medium: Some(medium),
+            index,
+            adds: false,
+            overlaps_itself: false,
+            region: 0,
+        });
         scene.overlaps.push(Overlap { of, solid });
     }
     scene.overlaps.sort_unstable_by(|a, b| a.of.cmp(&b.of));
