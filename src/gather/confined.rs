@@ -20,7 +20,8 @@ use crate::scene::Scene;
 const AROUND: usize = 16;
 /// Directions from the middle of a ball.
 const ALL_AROUND: usize = 48;
-/// Shares are taken to be no less, so that no photon counts many times: a ball's outermost slice, which holds little light.
+/// Shares are taken to be no less, nor less than this part of a disc as wide as the solid: no photon counts many times in a ball's outermost
+/// slice, which holds little light.
 const LEAST_SHARE: f32 = 0.004;
 /// Photons this far outside, relative to the solid, are rounded.
 const ROUNDED: f32 = 1e-4;
@@ -187,7 +188,8 @@ impl Confined {
                 Profile::Biweight => q.mul(q).mul(q),
             });
         }
-        beyond.neg_mul_add(L::splat(1.0 / AROUND as f32), one).max(L::splat(LEAST_SHARE))
+        let least = one.min(inverse_square.mul(L::splat(self.size * self.size))).mul(L::splat(LEAST_SHARE));
+        beyond.neg_mul_add(L::splat(1.0 / AROUND as f32), one).max(least)
     }
 }
 
@@ -200,7 +202,7 @@ pub(super) fn share_of_ball(profile: Profile, hull: &Hull, at: DVec3, radius: f6
         let flat = (1.0 - z * z).sqrt();
         profile.ball_within(hull.exit(at, DVec3::new(flat * cos, flat * sin, z)) / radius)
     };
-    ((0..ALL_AROUND).map(within).sum::<f64>() / ALL_AROUND as f64).max(LEAST_SHARE.into())
+    ((0..ALL_AROUND).map(within).sum::<f64>() / ALL_AROUND as f64).max(f64::MIN_POSITIVE)
 }
 
 #[cfg(test)]
