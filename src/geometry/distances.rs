@@ -14,7 +14,7 @@ use crate::math::{Bounds, DVec3, Ray};
 /// Cells along an edge of a brick: they are made together.
 const BRICK: u32 = 8;
 const CELLS: usize = (BRICK * BRICK * BRICK) as usize;
-/// There is room for so many bricks at most: 64 MiB, if walks come near surfaces in all of them.
+/// There is room for so many bricks at most, of all solids together: 64 MiB, if walks come near surfaces in all of them.
 const MOST_BRICKS: f64 = 65_536.0;
 /// Distances are remembered up to so many edges of a cell,
 const FARTHEST: f64 = 32.0;
@@ -48,12 +48,13 @@ pub struct Distances {
 }
 
 impl Distances {
-    /// Of places in `bounds`, in cells of this edge, or larger ones where those would be too many; `None` where `bounds` has no end.
-    pub fn new(bounds: &Bounds, edge: f64) -> Option<Self> {
+    /// Of places in `bounds`, in cells of this edge, or larger ones where those would be too many beside those of so many others; `None` where
+    /// `bounds` has no end.
+    pub fn new(bounds: &Bounds, edge: f64, sharing: usize) -> Option<Self> {
         let size = bounds.size();
         let volume = size.max(DVec3::splat(1e-3 * size.max_element())).element_product();
         // Half-filled bricks at the ends leave less room.
-        let edge = edge.max((2.0 * volume / MOST_BRICKS).cbrt() / f64::from(BRICK));
+        let edge = edge.max((2.0 * volume * sharing as f64 / MOST_BRICKS).cbrt() / f64::from(BRICK));
         if volume.is_nan() || volume <= 0.0 || !edge.is_finite() {
             return None;
         }

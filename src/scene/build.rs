@@ -514,8 +514,10 @@ fn distances(scene: &Scene) -> Vec<Option<Distances>> {
             return None;
         }
         let bounds = bounds();
-        (extinction * bounds.diagonal() > WANDERS).then(|| Distances::new(&bounds, CELL / extinction)).flatten()
+        (extinction * bounds.diagonal() > WANDERS).then_some((bounds, CELL / extinction))
     };
     let solids = scene.solids.iter().map(|solid| of(solid.medium, &|| scene.geometry.bounds(solid.shape)));
-    solids.chain([of(scene.world, &|| scene.bounds())]).collect()
+    let wanted: Vec<Option<(Bounds, f64)>> = solids.chain([of(scene.world, &|| scene.bounds())]).collect();
+    let sharing = wanted.iter().flatten().count();
+    wanted.into_iter().map(|wanted| wanted.and_then(|(bounds, edge)| Distances::new(&bounds, edge, sharing))).collect()
 }
