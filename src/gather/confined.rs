@@ -10,6 +10,8 @@
 
 use std::f64::consts::TAU;
 
+use rayon::prelude::*;
+
 use crate::geometry::{Hull, HullKind};
 use crate::math::{DVec3, Frame};
 use crate::photon::kernel::Profile;
@@ -49,7 +51,9 @@ impl Confines {
     pub fn possible(scene: &Scene) -> Confines {
         let mut sizes = vec![0.0f64; scene.regions as usize];
         sizes[scene.world_region as usize] = f64::INFINITY;
-        let hulls: Vec<Option<Hull>> = scene.solids.iter().map(|solid| scene.geometry.hull(solid.shape)).collect();
+        let hull =
+            |solid: u32| scene.geometry.hull(scene.solids[solid as usize].shape).filter(|_| is_whole(scene, solid));
+        let hulls: Vec<Option<Hull>> = (0..scene.solids.len() as u32).into_par_iter().map(hull).collect();
         for (solid, hull) in scene.solids.iter().zip(&hulls) {
             let size = &mut sizes[solid.region as usize];
             *size = size.max(hull.map_or(f64::INFINITY, |hull| hull.size));
@@ -80,6 +84,27 @@ impl Confines {
     pub fn of(&self, solid: Option<u32>) -> Option<&Hull> {
         self.hulls.get(solid? as usize)?.as_ref()
     }
+}
+
+/// Whether a solid's photons may lie anywhere in it: nothing takes the place of a part of it, adds to it, or stands in it.
+fn is_whole(scene: &Scene, solid: u32) -> bool {
+    if scene.overlaps.iter().any(|overlap| overlap.solid == solid || overlap.of.contains(&solid)) {
+        return false;
+    }
+    let shape = scene.solids[solid as usize].shape;
+    let bounds = scene.geometry.bounds(shape);
+    let mut whole = true;
+    scene.geometry.boxes_overlapping(&bounds, |other| {
+        whole = whole
+            && (other == shape || scene.geometry.contains_all(other, &bounds).is_some() || {
+                // Solids are in order of their precedence; those of a region share their photons.
+                let surface = &scene.surfaces[other as usize];
+                let region = |solid: u32| scene.solids[solid as usize].region;
+                let yields = |other: u32| other < solid || region(other) == region(solid);
+                !surface.material.is_wall() && surface.solid.is_none_or(yields)
+            });
+    });
+    whole
 }
 
 /// Which photons lie in a hull.
