@@ -16,7 +16,7 @@ use crate::support::{Checks, Effort, Estimate, STRICT, chosen, scene};
 fn refracting_slabs_by_gathering() {
     let mut checks = Checks::default();
     let slab = Slab { index: 1.33, tau: 8.0, albedo: 0.99, phase: "hg", g: 0.5 };
-    for (transmitted, maps, by_path) in [(false, 5, (0.516_945, 1.1e-3)), (true, 15, (0.250_865, 9.8e-4))] {
+    for (transmitted, maps, by_path) in [(false, 9, (0.516_945, 1.1e-3)), (true, 15, (0.250_865, 9.8e-4))] {
         let view = "fov = 60\n[render]\nmethod = \"photon\"\nsamples = 64\n[photons]\nvolume = 150000\n\
                     [volume]\nkernel = \"fixed\"\nradius = 1.5";
         let text = slab.column(transmitted, 4.0, view);
@@ -108,7 +108,7 @@ fn balls_lit_from_the_front() {
         (10.0, 1.3, 0.8, [(0.210_820, 1.9e-4), (0.094_015, 4.3e-4)], (5, 120_000)),
         (100.0, 1.0, 0.0, [(0.445_286, 5.6e-4), (0.183_227, 9.4e-4)], (4, 100_000)),
         (100.0, 1.5, 0.0, [(0.399_469, 5.9e-4), (0.117_849, 8.8e-4)], (4, 100_000)),
-        (1000.0, 1.3, 0.8, [(0.351_032, 8.2e-4), (0.107_337, 1.5e-3)], (5, 220_000)),
+        (1000.0, 1.3, 0.8, [(0.351_032, 8.2e-4), (0.107_337, 1.5e-3)], (9, 220_000)),
     ] {
         let found = Ball { thickness, index, g }.by_photons((Effort::once(seeds), photons), [0.0; 2]);
         let what = format!("σ_t R = {thickness}, n = {index}, g = {g}");
