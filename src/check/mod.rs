@@ -49,7 +49,7 @@ pub struct Request {
     pub set: Vec<String>,
     /// About how many seconds the check may take, of all threads together.
     pub seconds: f64,
-    /// So many pictures of photon maps, and [`PATHS`] times as many by paths and by light paths, whatever time these take; `None`: as
+    /// So many pictures of photon maps, and eight times as many by paths and by light paths, whatever time these take; `None`: as
     /// many as there is time for.
     pub seeds: Option<u32>,
 }

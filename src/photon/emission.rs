@@ -154,7 +154,7 @@ impl<'s> Sources<'s> {
         self.targets = Targets::even(targets, AIMED);
     }
 
-    /// Aims anew, as photons of use were aimed: see [`Targets::learn`]. The light is the same.
+    /// Aims anew, as photons of use were aimed: see `Targets::learn`. The light is the same.
     pub fn learn(&mut self, useful: &[(Aim, f64)]) {
         self.targets.learn(useful);
     }
