@@ -55,7 +55,7 @@ const AROUND: f64 = 0.25;
 const AIMED: f64 = 0.95;
 /// The share of photons that stays drawn in proportion to power once shares are evened out: what is learnt from a few
 /// photons may be wrong.
-const BY_POWER: f64 = 0.25;
+pub(super) const BY_POWER: f64 = 0.25;
 
 #[derive(Clone, Debug)]
 enum Source<'s> {

@@ -3,6 +3,7 @@
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
+use super::emission::BY_POWER;
 use super::guide::Guide;
 use crate::geometry::Tree;
 use crate::math::{Bounds, DVec3, Distribution, Frame, Ray, choose, sampling};
@@ -59,8 +60,6 @@ const FEW_SOLIDS: usize = 16;
 const COVERED: f64 = 0.25;
 /// So many targets are looked through one by one.
 const FEW: usize = 128;
-/// The share of photons that stays aimed evenly once shares are learnt: what is learnt from a few photons may be wrong.
-const EVEN: f64 = 0.25;
 /// Of many targets, those teach where on them to aim that so many photons of use were aimed at.
 const TELLING: usize = 64;
 
@@ -214,7 +213,7 @@ impl Targets {
         for (index, target) in (0..).zip(&mut self.all) {
             let here = groups.next_if(|group| group[0].0.target == index).unwrap_or_default();
             let learnt = aimed * here.iter().map(|(_, power)| power).sum::<f64>() / total;
-            target.share = EVEN * target.share + (1.0 - EVEN) * learnt;
+            target.share = BY_POWER * target.share + (1.0 - BY_POWER) * learnt;
             let places = here.iter().filter(|_| here.len() >= least);
             target.guide = Guide::new(places.map(|(aim, power)| (aim.place, *power)));
         }

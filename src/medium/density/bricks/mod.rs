@@ -88,11 +88,6 @@ impl BrickGrid {
         }
     }
 
-    /// How exactly its values are kept.
-    pub fn precision(&self) -> Precision {
-        self.values.precision()
-    }
-
     /// How the density behaves between voxels.
     pub fn interpolation(&self) -> Interpolation {
         self.interpolation

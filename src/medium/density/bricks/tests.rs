@@ -195,7 +195,6 @@ fn halves_are_as_exact_as_they_say() {
             (0..32 * 24 * 16).map(|n| if n < 32 * 24 * 8 { value(n) } else { 0.3 * scale }).collect();
         let grid = BrickGrid::from_dense([0; 3], [32, 24, 16], &values, 0.0, NegativePolicy::Error).unwrap();
         let half = grid.clone().with_precision(Precision::Half);
-        assert_eq!((grid.precision(), half.precision()), (Precision::Full, Precision::Half));
         for (n, expected) in values.iter().enumerate() {
             let [i, j, k] = [n % 32, n / 32 % 24, n / (32 * 24)].map(|i| i as i32);
             let off = (half.value_at(i, j, k) - expected).abs();

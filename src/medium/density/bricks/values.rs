@@ -168,11 +168,4 @@ impl Values {
             Values::Half(halves) => size_of_val(&halves.bits[..]) + size_of_val(&halves.units[..]),
         }
     }
-
-    pub(super) fn precision(&self) -> Precision {
-        match self {
-            Values::Full(_) => Precision::Full,
-            Values::Half(_) => Precision::Half,
-        }
-    }
 }
