@@ -2,7 +2,7 @@
 
 use super::context::{Context, Pair};
 use crate::gather::march::Marcher;
-use crate::render::{Camera, Limits, Plan, SharedMap};
+use crate::render::{Camera, Limits, Plan, SharedMap, volume_photons};
 use crate::scene::description::{Description, Estimate, Kernel, Method};
 use crate::scene::description::{March, Volume};
 use crate::scene::{self, Scene, Settings, StudyVariant, is_plain};
@@ -267,9 +267,9 @@ impl Tunable {
         let (now, range) = match self {
             Tunable::MarchSize => (shortest_step(&plan), [1e-5 * extent, 10.0 * extent]),
             Tunable::Contrast => (march(volume).contrast, [1e-3, 1e3]),
-            Tunable::Neighbours => (volume.neighbours.map_or(60.0, f64::from), [5.0, 1e5]),
+            Tunable::Neighbours => (neighbours(&plan), [5.0, 1e5]),
             Tunable::Radius => (radius(&plan), [1e-5 * extent, extent]),
-            Tunable::Photons => (settings.photons.volume.map_or(1e6, |photons| photons as f64), [1e3, 1e9]),
+            Tunable::Photons => (volume_photons(scene, settings) as f64, [1e3, 1e9]),
         };
         Ok((now.clamp(range[0], range[1]), range))
     }
@@ -308,6 +308,14 @@ fn radius(plan: &Plan) -> f64 {
     match plan.radius {
         crate::photon::Radius::Fixed(radius) => radius.into(),
         crate::photon::Radius::Variable { max_radius, .. } => max_radius.into(),
+    }
+}
+
+/// n of a plan with adaptive radii.
+fn neighbours(plan: &Plan) -> f64 {
+    match plan.radius {
+        crate::photon::Radius::Fixed(_) => 0.0,
+        crate::photon::Radius::Variable { neighbours, .. } => neighbours.into(),
     }
 }
 

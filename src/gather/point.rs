@@ -554,6 +554,7 @@ mod tests {
                             max_events: 255,
                             from_camera: true,
                             passed: false,
+                            spread: false,
                         };
                         let mut stats = GatherStats::default();
                         let gathered =

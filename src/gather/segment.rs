@@ -24,4 +24,6 @@ pub struct EyeSegment {
     pub from_camera: bool,
     /// Whether what passes was left to chance, so that all along it counts alike: transmittance is 1.
     pub passed: bool,
+    /// Whether it is one of many rays that a surface spreads light over, so that fewer photons tell enough of each.
+    pub spread: bool,
 }

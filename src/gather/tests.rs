@@ -192,6 +192,7 @@ fn view(dice: &mut Dice, world: &World) -> (Vec<EyeSegment>, Option<Fan>) {
                 max_events,
                 from_camera,
                 passed: false,
+                spread: false,
             }
         })
         .collect();
@@ -369,6 +370,7 @@ fn even_fluence_is_scattered_by_the_density() {
             max_events: 255,
             from_camera: ray % 2 == 0,
             passed: false,
+            spread: false,
         };
         maps.gather(&medium, segment, Some(ray), &mut queue);
         let depth = medium.density.depth(&segment.ray, a, b);
@@ -390,5 +392,69 @@ fn even_fluence_is_scattered_by_the_density() {
     {
         let off = (found / expected - Rgb::ONE).map(f64::abs).max_element();
         assert!(off < 0.006, "{what}: {found}, not {expected}");
+    }
+}
+
+/// Rays that were spread gather from the map of fewer photons where their region has one, together with others that do not.
+#[test]
+fn spread_rays_gather_from_fewer_photons() {
+    let medium = Medium {
+        name: String::new(),
+        extinction: Rgb::splat(0.3),
+        albedo: Rgb::ONE,
+        phase: Phase::Isotropic(Isotropic),
+        density: Density::Uniform,
+        emission: Emission::None,
+    };
+    let mut dice = Dice(Stream::new(43, Purpose::Test, 0, 0));
+    let positions: Vec<Vec3> = (0..500).map(|_| dice.cube().as_vec3()).collect();
+    let photon = |power: f32, &position: &Vec3| Photon {
+        position,
+        direction: Vec3::X,
+        power: Vec3::splat(power),
+        events: 0,
+        normal: Default::default(),
+    };
+    // The same photons, so that what is gathered tells the map by its power alone.
+    let map = |power: f32| {
+        let photons = positions.iter().map(|position| photon(power, position)).collect();
+        let settings = MapSettings::new(Radius::Fixed(0.4));
+        PhotonMap::build(photons, &settings, &|_: Vec3, _: f32, _: f32, _: &mut SmallVec<[Plane; 3]>| {})
+    };
+    let of = |maps| VolumeMaps::new(maps, std::slice::from_ref(&medium), &[], super::Confines::default());
+    let maps = of(vec![Some(map(1.0)), Some(map(1.0))]).with_sparse(of(vec![Some(map(3.0)), None]));
+
+    let mut queue: Queue<usize> = Queue::default();
+    for number in 0..80 {
+        // Eight rays on each line.
+        let way = (number / 8) as f64;
+        let ray = Ray::new(DVec3::new(0.1 * way - 0.5, 0.3, -4.0), DVec3::Z);
+        let bit = |bit: usize| number >> bit & 1 == 1;
+        let segment = EyeSegment {
+            ray,
+            a: 0.0,
+            b: 8.0,
+            medium: 0,
+            region: u32::from(bit(0)),
+            solid: None,
+            max_events: 255,
+            from_camera: bit(1),
+            passed: false,
+            spread: bit(2),
+        };
+        maps.gather(&medium, segment, Some(number), &mut queue);
+    }
+    maps.gather_bundles(&mut queue);
+    maps.gather_streams(&mut queue);
+    let mut found = [0.0; 80];
+    for (number, gathered) in &queue.done {
+        found[*number] += gathered.total[0];
+    }
+    for line in found.chunks(8) {
+        assert!(line[0] > 0.0);
+        for (number, light) in line.iter().enumerate() {
+            let times = if number & 1 == 0 && number & 4 != 0 { 3.0 } else { 1.0 };
+            assert!((light / (times * line[0]) - 1.0).abs() < 1e-4, "{number}: {light}, not {times} × {}", line[0]);
+        }
     }
 }

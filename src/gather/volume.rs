@@ -24,6 +24,8 @@ pub struct VolumeMaps {
     /// By medium, the distance between two samples of a ray's depth, at most: half of the density's feature length.
     steps: Vec<f64>,
     confines: Confines,
+    /// Of the regions with so many photons that some of them are enough for rays that were spread.
+    sparse: Option<Box<VolumeMaps>>,
 }
 
 /// A segment that waits, with its depths if they vary, for its owner.
@@ -100,7 +102,23 @@ impl VolumeMaps {
             phases: PhaseLanes::of_media(media, peaks),
             extinctions: media.iter().map(|medium| medium.extinction.as_vec3()).collect(),
             steps: media.iter().map(|medium| 0.5 * medium.density.feature_length()).collect(),
+            sparse: None,
         }
+    }
+
+    /// With maps of fewer photons, where there are any, for rays that were spread.
+    pub fn with_sparse(self, sparse: VolumeMaps) -> Self {
+        VolumeMaps { sparse: Some(Box::new(sparse)), ..self }
+    }
+
+    /// Those of fewer photons, if there are any.
+    pub fn sparse(&self) -> Option<&VolumeMaps> {
+        self.sparse.as_deref()
+    }
+
+    /// Those of fewer photons, if a segment gathers from them.
+    fn sparse_for(&self, segment: &EyeSegment) -> Option<&VolumeMaps> {
+        self.sparse().filter(|sparse| segment.spread && sparse.maps[segment.region as usize].is_some())
     }
 
     /// The maps that hold photons.
@@ -116,6 +134,9 @@ impl VolumeMaps {
     /// Gathers a segment for its owner, if it has one, at once or when the queue is told to. Returns the
     /// transmittance of the segment.
     pub fn gather<O>(&self, medium: &Medium, segment: EyeSegment, owner: Option<O>, queue: &mut Queue<O>) -> Rgb {
+        if let Some(sparse) = self.sparse_for(&segment) {
+            return sparse.gather(medium, segment, owner, queue);
+        }
         let EyeSegment { ray, a, b, .. } = segment;
         let map = self.maps[segment.region as usize].as_ref();
         // No photon reaches beyond the box around all discs.
@@ -204,13 +225,15 @@ impl VolumeMaps {
     ) {
         let key = |waiting: &Waiting<O>| {
             let EyeSegment { region, medium, max_events, passed, .. } = waiting.segment;
-            (region, medium, max_events, passed, waiting.samples.is_some())
+            let is_sparse = self.sparse_for(&waiting.segment).is_some();
+            (is_sparse, region, medium, max_events, passed, waiting.samples.is_some())
         };
         waiting.sort_by_key(key);
         let (mut rays, mut samples, mut gathered) = (Vec::new(), Vec::new(), Vec::new());
         for same in waiting.chunk_by(|a, b| key(a) == key(b)) {
-            let (region, medium, max_events, passed, sampled) = key(&same[0]);
-            let Some(map) = &self.maps[region as usize] else { continue };
+            let (_, region, medium, max_events, passed, sampled) = key(&same[0]);
+            let maps = self.sparse_for(&same[0].segment).unwrap_or(self);
+            let Some(map) = &maps.maps[region as usize] else { continue };
             let index = medium as usize;
             rays.clear();
             rays.extend(same.iter().map(|Waiting { segment: EyeSegment { ray, a, b, .. }, .. }| (*ray, *a, *b)));

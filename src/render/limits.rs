@@ -6,7 +6,7 @@ use std::time::Duration;
 use super::exact;
 use super::eye::Component;
 use super::film::{Film, Layers};
-use super::plan::{caustic_photons, global_photons, shadow_photons};
+use super::numbers::{caustic_photons, global_photons, shadow_photons};
 use super::splat::Splats;
 use crate::medium::density;
 use crate::scene::description::{Estimate, Kernel, Method, Volume};

@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use super::plan::{Plan, Points};
 use super::progress::Progress;
+use super::sparse::some_photons;
 use super::stats::Stats;
 use crate::Result;
 use crate::gather::{Confines, GlobalMap, PointMaps, SurfaceMap, VisibilityMap, VolumeMaps};
@@ -11,8 +12,8 @@ use crate::medium::Medium;
 use crate::medium::density::Density;
 use crate::medium::phase::Peak;
 use crate::photon::{
-    Kind, Landed, MapSettings, Photon, PhotonMap, PointMap, PointSettings, Radii, ShadowPass, ShadowPhoton, Shadows,
-    SurfacePass, narrowing, trace_shadows, trace_surfaces,
+    Kind, Landed, MapSettings, Photon, PhotonMap, PointMap, PointSettings, Radii, Radius, ShadowPass, ShadowPhoton,
+    Shadows, SurfacePass, narrowing, trace_shadows, trace_surfaces,
     walls::{self, Walls},
 };
 use crate::scene::Scene;
@@ -62,7 +63,13 @@ impl Maps {
         let volume = match &plan.points {
             None => {
                 let scale = narrowing(before, PhotonMap::DIMENSION) as f32;
-                VolumeMap::Beams(beam_maps(scene, plan, scale, extinctions, regions))
+                let sparse = if plan.spreads { some_photons(&regions, plan.radius) } else { Vec::new() };
+                let all = regions.into_iter().map(|photons| (plan.radius, photons)).collect();
+                let maps = beam_maps(scene, plan, scale, extinctions, all);
+                VolumeMap::Beams(match sparse.iter().any(|(_, photons)| !photons.is_empty()) {
+                    true => maps.with_sparse(beam_maps(scene, plan, scale, extinctions, sparse)),
+                    false => maps,
+                })
             }
             Some(points) => {
                 let scale = narrowing(before, PointMap::DIMENSION) as f32;
@@ -90,7 +97,15 @@ impl Maps {
         };
         match &self.volume {
             None => Vec::new(),
-            Some(VolumeMap::Beams(maps)) => maps.by_region().map(|(region, map)| (region, of_beams(map))).collect(),
+            Some(VolumeMap::Beams(maps)) => {
+                let of_region = |(region, map)| (region, of_beams(map));
+                let mut summaries: Vec<_> = maps.by_region().map(of_region).collect();
+                for (region, sparse) in maps.sparse().into_iter().flat_map(VolumeMaps::by_region) {
+                    let all = summaries.iter_mut().find(|(of, _)| *of == region);
+                    all.into_iter().for_each(|(_, all)| all.bytes += sparse.bytes());
+                }
+                summaries
+            }
             Some(VolumeMap::Points(maps)) => maps.by_region().map(|(region, map)| (region, of_points(map))).collect(),
         }
     }
@@ -207,7 +222,13 @@ fn shadows(
     photons
 }
 
-fn beam_maps(scene: &Scene, plan: &Plan, scale: f32, extinctions: &[f64], regions: Vec<Vec<Photon>>) -> VolumeMaps {
+fn beam_maps(
+    scene: &Scene,
+    plan: &Plan,
+    scale: f32,
+    extinctions: &[f64],
+    regions: Vec<(Radius, Vec<Photon>)>,
+) -> VolumeMaps {
     let corrects = plan.boundaries != Boundaries::None;
     let walls_of = |region: u32, mean: f32| {
         Walls::of_discs(plan.boundaries, extinctions[region as usize], f64::from(mean / scale))
@@ -217,7 +238,7 @@ fn beam_maps(scene: &Scene, plan: &Plan, scale: f32, extinctions: &[f64], region
         let leans = walls_of(region, mean).lean().then_some(extinctions[region as usize]);
         corrects && confines.confine(region, mean.into(), leans)
     };
-    let build = |(region, photons): (u32, Vec<Photon>)| {
+    let build = |(region, (radius, photons)): (u32, (Radius, Vec<Photon>))| {
         let fluence = tells_fluence(scene, region);
         let settings = MapSettings {
             tagged: plan.tagged,
@@ -225,7 +246,7 @@ fn beam_maps(scene: &Scene, plan: &Plan, scale: f32, extinctions: &[f64], region
             profile: plan.profile,
             boundaries: corrects,
             fluence,
-            ..MapSettings::new(plan.radius)
+            ..MapSettings::new(radius)
         };
         let near = |position, radius, mean, planes: &mut _| {
             if !is_confined(region, mean) {

@@ -9,9 +9,7 @@ use crate::math::Bounds;
 use crate::medium::Medium;
 use crate::medium::phase::Peak;
 use crate::photon::kernel::Profile;
-use crate::photon::{
-    Ball, Emission, Importons, InMedium, Kind, PointSettings, Radius, Tagged, may_land, served_lights,
-};
+use crate::photon::{Ball, Emission, Importons, InMedium, Kind, PointSettings, Radius, Tagged, may_land};
 use crate::scene::description::{
     self, Boundaries, Estimate, GatherDirections, Indirect, Kernel, March, Method, Records, SingleScattering, Step,
     SurfaceEstimate, SurfaceFilter, Volume,
@@ -22,6 +20,7 @@ use crate::transport::Events;
 use super::camera::Camera;
 use super::importons;
 use super::limits::Limits;
+use super::numbers::{caustic_photons, global_photons, neighbours, shadow_photons, volume_photons};
 use super::peaks;
 use super::pilot::Pilot;
 
@@ -70,6 +69,8 @@ pub struct Plan {
     pub density_control: bool,
     /// How wide they are spread.
     pub radius: Radius,
+    /// Whether some of them are enough for many rays: those that surfaces spread.
+    pub spreads: bool,
     /// What is done about walls near photons.
     pub boundaries: Boundaries,
     /// The kernel of discs.
@@ -126,25 +127,8 @@ pub struct Points {
     pub marchers: Vec<Marcher>,
 }
 
-/// Photons in the volume map, unless the scene file says otherwise. With [`NEIGHBOURS`], a compromise found
-/// against path-traced references. In the plume of `scenes/smoke.toml` the relative squared error is 0.120 with
-/// 500 000 photons and n = 150, nearly all of it blur, 0.051 with n = 25, 0.022 with 2 000 000 photons and n = 60,
-/// and 0.016 with 4 000 000 and n = 20. A ray meets about N^⅓ n^⅔ photons, half as many as with 1 000 000 and 200.
-const VOLUME_PHOTONS: u64 = 2_000_000;
-/// n of adaptive radii, unless the scene file says otherwise.
-const NEIGHBOURS: u32 = 60;
-/// Photons in the volume map where all media that scatter are solids of more than [`THICK`] mean free paths. Only photons within a few
-/// mean free paths of the surface count there, and only those are kept: discs are small even so, but few of them meet
-/// a ray. More neighbours make up for that: light that has scattered often hardly changes within their discs.
-const DENSE_PHOTONS: u64 = 1_000_000;
-/// n of adaptive radii where media are as [`DENSE_PHOTONS`] says.
-const DENSE_NEIGHBOURS: u32 = 300;
-/// Solids of more mean free paths than this pass hardly any light straight.
-const THICK: f64 = 100.0;
 /// The share of the largest extent of the photons that adaptive radii may reach at most.
 const MAX_RADIUS_SHARE: f64 = 0.1;
-/// Photons in the caustic map, and in the global one, unless the scene file says otherwise; and shadow photons.
-const SURFACE_PHOTONS: u64 = 200_000;
 /// The share of the scene's extent that radii of caustics may reach at most.
 const CAUSTIC_RADIUS_SHARE: f64 = 0.03;
 /// Gather rays of a record of the irradiance cache, unless the scene file says otherwise: one for so many camera samples,
@@ -189,16 +173,15 @@ impl Plan {
 
         // How wide they are spread, by the extent that they can fill: of media with an end, else of the scene.
         let extent = extent_of_media(scene);
-        let default_neighbours = render.quality.neighbours(if is_dense(scene) { DENSE_NEIGHBOURS } else { NEIGHBOURS });
         let radius = match volume.kernel {
             Kernel::Fixed => {
                 // As wide as would hold n photons if they filled the extent evenly.
-                let share = default_neighbours as f64 / photons.max(1) as f64;
+                let share = f64::from(neighbours(scene, photons)) / photons.max(1) as f64;
                 let chosen = 0.5 * extent * InMedium::growth(share);
                 Radius::Fixed(volume.radius.unwrap_or(chosen) as f32)
             }
             Kernel::Variable => {
-                let neighbours = volume.neighbours.unwrap_or(default_neighbours);
+                let neighbours = volume.neighbours.unwrap_or_else(|| neighbours(scene, photons));
                 // Sub-maps hold fewer photons; the same radius holds fewer neighbours.
                 let neighbours = if parts > 1 { (neighbours / parts).max(5) } else { neighbours };
                 let pilot = volume.pilot.unwrap_or_else(|| ((neighbours as f64).sqrt().ceil() as u32).max(5));
@@ -290,6 +273,9 @@ impl Plan {
                 .then(|| Arc::new(importons::trace(&pilot, surface.indirect))),
             density_control: settings.photons.density_control,
             radius,
+            spreads: matches!(surface.indirect, Indirect::FinalGather | Indirect::Path)
+                && max_events.allows(1)
+                && may_land(scene, Kind::Global),
             points: None,
             traced: (volume.single_scattering.asks_lights() && volume.march.is_some())
                 .then(|| marchers(scene, volume, extent)),
@@ -359,70 +345,6 @@ fn marchers(scene: &Scene, volume: &Volume, extent: f64) -> Vec<Marcher> {
         march.size.unwrap_or(path.clamp(SHORTEST_STEP * longest, longest))
     };
     scene.media.iter().map(|medium| Marcher { stepping, size: size(medium) }).collect()
-}
-
-/// Volume photons wanted in each pass: none where nothing scatters, or nothing shines.
-pub fn volume_photons(scene: &Scene, settings: &Settings) -> u64 {
-    let Settings { render, photons, volume, .. } = settings;
-    let shines = !scene.lights.is_empty() || scene.media.iter().any(|medium| medium.glows());
-    let scatters = scene.media.iter().any(|medium| medium.scatters());
-    // Light that shadow rays find needs no photons, if it is all there may be.
-    let once = Events::of_max_depth(render.max_depth) == Events::at_most(1);
-    let asks_for_all = once && volume.single_scattering.asks_lights() && scene.glows.is_empty();
-    let gathers = render.method == Method::Photon && scatters && shines && !asks_for_all;
-    let default = render.quality.photons(if is_dense(scene) { DENSE_PHOTONS } else { VOLUME_PHOTONS });
-    if gathers { photons.volume.unwrap_or(default) } else { 0 }
-}
-
-/// Photons wanted in each pass's caustic map: none where there can be no caustics.
-pub fn caustic_photons(scene: &Scene, settings: &Settings) -> u64 {
-    let max_events = Events::of_max_depth(settings.render.max_depth);
-    let there = settings.render.method == Method::Photon
-        && max_events.allows(1)
-        && may_land(scene, Kind::Caustic)
-        && settings.surface.indirect != Indirect::Map;
-    if there { settings.photons.caustic.unwrap_or(on_surfaces(settings)) } else { 0 }
-}
-
-/// Photons wanted in each pass's global map: none where no one looks it up.
-pub fn global_photons(scene: &Scene, settings: &Settings) -> u64 {
-    let max_events = Events::of_max_depth(settings.render.max_depth);
-    // Events at surfaces on the eye's side.
-    let read_after = match settings.surface.indirect {
-        Indirect::Map => Some(0),
-        Indirect::FinalGather => Some(1),
-        Indirect::Path | Indirect::None => None,
-    };
-    let read = settings.render.method == Method::Photon && read_after.is_some_and(|events| max_events.allows(events));
-    if read && may_land(scene, Kind::Global) { settings.photons.global.unwrap_or(on_surfaces(settings)) } else { 0 }
-}
-
-/// Shadow photons wanted in each pass: none where surfaces ask no light that they can serve.
-pub fn shadow_photons(scene: &Scene, settings: &Settings) -> u64 {
-    let Settings { render, surface, .. } = settings;
-    // The global map holds direct light, too.
-    let asks = render.method == Method::Photon
-        && Events::of_max_depth(render.max_depth).allows(1)
-        && (surface.indirect != Indirect::Map || global_photons(scene, settings) == 0);
-    if surface.shadow_photons && asks && !served_lights(scene).is_empty() { on_surfaces(settings) } else { 0 }
-}
-
-/// Photons in a map on surfaces, unless the scene file says otherwise: who asks for few in media wants a quick picture.
-fn on_surfaces(settings: &Settings) -> u64 {
-    let default = settings.render.quality.photons(SURFACE_PHOTONS);
-    settings.photons.volume.map_or(default, |volume| volume.min(default))
-}
-
-/// Whether all media that scatter are in solids that hardly any light passes straight.
-fn is_dense(scene: &Scene) -> bool {
-    let scatters = |medium: Option<u32>| medium.filter(|&index| scene.media[index as usize].scatters());
-    let thickness = |medium: u32, shape: u32| {
-        let medium = &scene.media[medium as usize];
-        let extent = scene.geometry.bounds(shape).intersection(medium.density.support()).diagonal();
-        medium.max_extinction() * extent
-    };
-    let mut solids = scene.solids.iter().filter_map(|solid| Some((scatters(solid.medium)?, solid.shape))).peekable();
-    scatters(scene.world).is_none() && solids.peek().is_some() && solids.all(|(m, shape)| thickness(m, shape) > THICK)
 }
 
 /// The diagonal of the box around all media that scatter, as far as they end; else of the scene: without what lies far beyond the rest.

@@ -294,6 +294,7 @@ impl<'s> Looking<'_, '_, 's> {
             max_events: left.map_or(0, Events::in_a_byte),
             from_camera: luggage.events == 0,
             passed: false,
+            spread: luggage.own.diffuse,
         };
         (reach, left.is_some() && luggage.own.seeks != Seeks::Emitted)
     }
