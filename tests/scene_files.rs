@@ -323,6 +323,7 @@ fn every_key_is_read_as_the_manual_says() {
         scene.render,
         Render {
             method: Method::Path,
+            automatic: false,
             quality: Quality::High,
             samples: 8,
             light_samples: 4,
@@ -370,6 +371,7 @@ fn a_camera_is_enough() {
         scene.render,
         Render {
             method: Method::Photon,
+            automatic: true,
             quality: Quality::Normal,
             samples: 16,
             light_samples: 1,

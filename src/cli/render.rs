@@ -18,7 +18,7 @@ use crate::compare::peak_bytes;
 use crate::image::{self, Format};
 use crate::medium::density;
 use crate::render::checkpoint::Subject;
-use crate::render::{self, Checkpoint, End, Film, Limits, Rendering, Stats};
+use crate::render::{self, Checkpoint, Choice, End, Film, Limits, Rendering, Stats};
 use crate::scene::description::Description;
 use crate::scene::{self, Scene, Settings};
 use crate::{Error, Result};
@@ -103,10 +103,15 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 
     let stop = super::stop_on_signal()?;
     let pool = super::pool(arguments.threads)?;
-    let (description, scene, settings) = pool.install(|| -> Result<(Description, Scene, Settings)> {
-        let description = scene::read(&arguments.scene, &overrides)?;
+    let (description, scene, settings, choice) = pool.install(|| -> Result<_> {
+        let mut description = scene::read(&arguments.scene, &overrides)?;
         let (scene, settings) = scene::build(&description)?;
-        Ok((description, scene, settings))
+        let choice = if arguments.replay.is_some() { None } else { render::choose(&scene, &settings)? };
+        if let Some(Choice { method, .. }) = choice {
+            (description.render.method, description.render.automatic) = (method, false);
+        }
+        let settings = Settings::of(&description);
+        Ok((description, scene, settings, choice))
     })?;
     if let Some((pixel, sample)) = arguments.replay {
         let replayed = render::Replayer::new(&scene, &settings)?.replay(pixel, sample)?;
@@ -115,6 +120,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let load = start.elapsed().as_secs_f64();
     if !arguments.quiet {
         describe(&scene);
+        if let Some(Choice { method, why }) = &choice {
+            super::tell(format_args!("method {}, {why}", method.name()));
+        }
     }
     let limits = limits(arguments);
     let mut watch = Watch::new(Bar::new(arguments.quiet), tone(&description.film));

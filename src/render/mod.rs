@@ -2,6 +2,7 @@
 
 mod camera;
 pub mod checkpoint;
+mod choice;
 mod clock;
 mod done;
 mod eternity;
@@ -29,6 +30,7 @@ mod warnings;
 
 pub use camera::Camera;
 pub use checkpoint::Checkpoint;
+pub use choice::{Choice, choose};
 pub use done::Done;
 pub use eye::{Claim, Component, Context, Eye, EyeSettings, Happening, Mode, Path, Sample, Told};
 pub use film::{Film, Layers, Sums};

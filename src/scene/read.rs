@@ -70,10 +70,14 @@ fn describe(root: &Table, path: &Path) -> Read<Description> {
     let materials_table = root.section("materials");
     let shape_items = root.get("shapes", |item| item.array("an array of tables, [[shapes]]"));
     let light_items = root.get("lights", |item| item.array("an array of tables, [[lights]]"));
-    let render = root.section("render").and_then(|table| render(&table));
-    let photons = root.section("photons").and_then(|table| photons(&table));
-    let volume = root.section("volume").and_then(|table| volume(&table));
-    let surface = root.section("surface").and_then(|table| surface(&table));
+    let tables = ["photons", "volume", "surface"].map(|name| root.section(name));
+    // Who says how photons are to be used wants photons.
+    let says = tables.iter().flatten().any(|table| !table.items().is_empty());
+    let render = root.section("render").and_then(|table| render(&table, says));
+    let [of_photons, of_volume, of_surface] = tables;
+    let photons = of_photons.and_then(|table| photons(&table));
+    let volume = of_volume.and_then(|table| volume(&table));
+    let surface = of_surface.and_then(|table| surface(&table));
     let compare = root.get("compare", |item| {
         let table = item.table()?;
         match study::study(&table, path.parent().unwrap_or(Path::new("")))?.scene {
@@ -281,11 +285,11 @@ fn world(table: &Table, names: &Names) -> Read<World> {
 /// Shadow rays beyond this are a mistake rather than a wish.
 const MOST_LIGHT_SAMPLES: i128 = 4096;
 
-fn render(table: &Table) -> Read<Render> {
-    // What suits a scene best is not told apart yet.
+/// `says`: whether the scene says how photons are to be used.
+fn render(table: &Table, says: bool) -> Read<Render> {
     let methods: Vec<_> =
-        Method::ALL.iter().map(|method| (method.name(), *method)).chain([("auto", Method::Photon)]).collect();
-    let method = table.get_or("method", Method::Photon, |item| item.choice(&methods, &[]));
+        Method::ALL.iter().map(|method| (method.name(), Some(*method))).chain([("auto", None)]).collect();
+    let method = table.get_or("method", None, |item| item.choice(&methods, &[]));
     let qualities = [("draft", Quality::Draft), ("normal", Quality::Normal), ("high", Quality::High)];
     let quality = table.get_or("quality", Quality::Normal, |item| item.choice(&qualities, &[]));
     let chosen = *quality.as_ref().unwrap_or(&Quality::Normal);
@@ -295,8 +299,10 @@ fn render(table: &Table) -> Read<Render> {
     let seed = table.get_or("seed", 1, |item| item.u64(0));
     let max_depth = table.get_or("max_depth", 0, |item| item.u32(0));
     table.finish()?;
+    let method = method?;
     Ok(Render {
-        method: method?,
+        method: method.unwrap_or(Method::Photon),
+        automatic: method.is_none() && !says,
         quality: quality?,
         samples: samples?,
         light_samples: light_samples?,

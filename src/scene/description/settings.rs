@@ -84,6 +84,8 @@ pub enum ToneMap {
 pub struct Render {
     /// How the image is computed.
     pub method: Method,
+    /// Whether the scene leaves that to the plan: then [`choose`](crate::render::choose) says what suits it.
+    pub automatic: bool,
     /// What numbers that the scene does not give are chosen for.
     pub quality: Quality,
     /// Camera samples per pixel and pass, at least 1; of [`Method::Light`] as many light paths, too.
@@ -102,7 +104,7 @@ pub struct Render {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Quality {
-    /// A quick look: a quarter of the photons and samples, and half of the neighbours.
+    /// A quick look: a quarter of the photons and samples.
     Draft,
     /// A picture.
     Normal,
@@ -114,11 +116,6 @@ impl Quality {
     /// Photons of a map, where a picture has `normal`.
     pub fn photons(self, normal: u64) -> u64 {
         if self == Quality::Draft { normal / 4 } else { normal }
-    }
-
-    /// Photons that adaptive radii in media cover, where a picture has `normal`.
-    pub fn neighbours(self, normal: u32) -> u32 {
-        if self == Quality::Draft { normal / 2 } else { normal }
     }
 
     /// Camera samples per pixel and pass.

@@ -1,0 +1,192 @@
+//! Who renders a scene that leaves that to the plan: photons, or paths, where these leave hardly any noise.
+
+use rayon::prelude::*;
+
+use super::camera::Camera;
+use super::eye::{Context, Eye, Mode, Path};
+use super::limits::Limits;
+use super::plan::Plan;
+use super::tile::{eye_settings, set_out};
+use crate::Result;
+use crate::gather::Queue;
+use crate::math::Rgb;
+use crate::math::random::mix;
+use crate::scene::description::{Method, Render};
+use crate::scene::{Scene, Settings};
+use crate::surface::Material;
+use crate::transport::{Parts, Tally};
+
+/// A method, and why.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Choice {
+    /// The method.
+    pub method: Method,
+    /// The reason, as the rest of a sentence that begins with the method.
+    pub why: String,
+}
+
+/// Paths that are good enough leave this relative squared error, with as many camera samples as the render has: photons come to no less in most
+/// scenes, and have maps to be built first.
+const GOOD: f64 = 0.002;
+/// Pixels of a pilot: looked at by so many together, until these tell that paths are not good enough, or there are
+const BATCH: u64 = 64;
+/// so many.
+const PIXELS: u64 = 512;
+/// Each is looked at twice, apart, with the picture's samples, but so many at most: samples of a pixel are spread evenly, which leaves less noise than as many
+/// by chance.
+const SAMPLES: u32 = 64;
+/// A pilot traces no more than one of so many paths that the picture would have.
+const SHARE: u64 = 4;
+/// A pixel's squared mean is added to this share of the picture's: in the dark, what counts is how much brighter the rest is.
+const DARK: f64 = 0.01;
+
+/// Chooses between paths and photons for a scene that leaves the method to the plan ([`Render::automatic`]); `None` where it names one. The choice depends
+/// on scene, seed and settings alone.
+///
+/// Paths are chosen where nothing mirrors or refracts, which may throw caustics that a few paths do not tell of, and where a pilot of paths finds so
+/// little noise that the picture's camera samples leave a relative squared error of 0.002 or less.
+///
+/// # Errors
+/// As [`Plan::new`].
+pub fn choose(scene: &Scene, settings: &Settings) -> Result<Option<Choice>> {
+    if !settings.render.automatic {
+        return Ok(None);
+    }
+    let photons = |why: &str| Ok(Some(Choice { method: Method::Photon, why: why.to_string() }));
+    if scene.surfaces.iter().any(|surface| scene.any_part(&surface.material, &Material::is_narrow)) {
+        return photons("as what mirrors or refracts may throw caustics, which paths find by chance");
+    }
+    let by_paths = Settings { render: Render { method: Method::Path, ..settings.render.clone() }, ..settings.clone() };
+    let camera = Camera::new(&scene.camera, &settings.film);
+    let plan = Plan::new(scene, &by_paths, &camera, &Limits::default())?;
+    let (width, height) = camera.size();
+    let all = u64::from(width) * u64::from(height);
+    let twice = 2 * u64::from(plan.samples.min(SAMPLES));
+    let pixels = (all * u64::from(plan.samples) / (SHARE * twice)).min(PIXELS).min(all);
+    if pixels < BATCH {
+        return photons("as the picture is too small for a pilot of paths");
+    }
+    let samples = u64::from(plan.samples) * u64::from(settings.render.passes);
+    Ok(Some(match noise((scene, &camera, plan), pixels, samples) {
+        Some(error) if error <= GOOD => Choice {
+            method: Method::Path,
+            why: format!("as {samples} paths a pixel leave a relative squared error of {error:.1e}"),
+        },
+        Some(error) => Choice {
+            method: Method::Photon,
+            why: format!("as {samples} paths a pixel would leave a relative squared error of {error:.1e}"),
+        },
+        None => Choice { method: Method::Photon, why: "as paths have no end in sight".to_string() },
+    }))
+}
+
+/// The relative squared error that so many paths a pixel leave, from so many pixels at most, and fewer where it is large; `None` where a path has no end in
+/// sight.
+fn noise((scene, camera, plan): (&Scene, &Camera, Plan), pixels: u64, samples: u64) -> Option<f64> {
+    let (width, height) = camera.size();
+    // Apart: of another seed.
+    let looks = [plan.clone(), Plan { seed: mix(plan.seed), ..plan }];
+    let taken = looks[0].samples.min(SAMPLES);
+    // By the plastic number, which is to the plane what the golden ratio is to the line: the first are spread over the film as all are.
+    let place = |number: u64| {
+        const STEPS: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
+        let [x, y] = STEPS.map(|step| (number as f64 * step).fract());
+        (((x * f64::from(width)) as u32).min(width - 1), ((y * f64::from(height)) as u32).min(height - 1))
+    };
+    let (mut found, mut error) = (Vec::new(), f64::INFINITY);
+    for first in (0..pixels).step_by(BATCH as usize) {
+        let batch: Vec<Option<[f64; 2]>> = (first..pixels.min(first + BATCH))
+            .into_par_iter()
+            .map(|number| two_looks((scene, camera), &looks, taken, place(number)))
+            .collect();
+        for pixel in batch {
+            found.push(pixel?);
+        }
+        let mean = found.iter().map(|[mean, _]| mean).sum::<f64>() / found.len() as f64;
+        let relative = |[of, variance]: &[f64; 2]| {
+            let scale = of * of + DARK * mean * mean;
+            if scale > 0.0 { variance / scale } else { 0.0 }
+        };
+        error = found.iter().map(relative).sum::<f64>() / found.len() as f64 * f64::from(taken) / samples as f64;
+        if error > 2.0 * GOOD {
+            break;
+        }
+    }
+    Some(error)
+}
+
+/// The mean of a pixel's paths, and the variance of the mean of so many; `None` if one of them has no end in sight.
+fn two_looks(
+    (scene, camera): (&Scene, &Camera),
+    looks: &[Plan; 2],
+    samples: u32,
+    pixel: (u32, u32),
+) -> Option<[f64; 2]> {
+    let mean = |plan: &Plan| {
+        let mode = if plan.split { Mode::Split } else { Mode::Track };
+        // Asked after thousands of events of one path.
+        let eye = Eye::new(scene, eye_settings(plan, camera, (mode, None), &|| true));
+        let (mut queue, mut parts, mut tally) = (Queue::default(), Parts::<'_, Path>::new(), Tally::default());
+        let mut sum = Rgb::ZERO;
+        for sample in 0..samples {
+            let (mut stream, ray, inside) = set_out((scene, camera, plan), pixel, (0, sample));
+            let mut context =
+                Context { stream: &mut stream, queue: &mut queue, pixel: 0, tally: &mut tally, parts: &mut parts };
+            let seen = eye.look(ray, inside, &mut context);
+            if seen.is_broken_off {
+                return None;
+            }
+            sum += seen.radiance.iter().sum::<Rgb>();
+        }
+        Some(sum.element_sum() / 3.0 / f64::from(samples))
+    };
+    let [first, second] = looks.each_ref().map(mean);
+    let (first, second) = (first?, second?);
+    Some([0.5 * (first + second), 0.5 * (first - second).powi(2)])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene;
+
+    /// A ball on a plane.
+    const BALL: &str = r#"
+film = { width = 120, height = 90 }
+camera = { position = [0, 1, 6], target = [0, 0, 0] }
+materials.white = { type = "lambert", reflectance = 0.5 }
+materials.glass = { type = "dielectric", ior = 1.5 }
+[media.fog]
+sigma_s = 0.2
+sigma_a = 0.01
+[[shapes]]
+type = "disk"
+center = [0, -1, 0]
+normal = [0, 1, 0]
+radius = 20
+material = "white"
+"#;
+    const SKY: &str = "\n[[lights]]\ntype = \"environment\"\nradiance = 1.0\n";
+    const LAMP: &str = "\n[[lights]]\ntype = \"point\"\nposition = [1, 2, 1]\nintensity = 5\n";
+    const FOG: &str = "\n[world]\nmedium = \"fog\"\n";
+    const PEBBLE: &str = "\n[[shapes]]\ntype = \"sphere\"\ncenter = [0, 0, 0]\nradius = 1\nmaterial = ";
+
+    /// An even sky on a plane is for paths; fog around a lamp, and glass, are for photons, and so is whatever says how photons are to be used; a method that is
+    /// named stays.
+    #[test]
+    fn paths_are_chosen_where_they_have_little_noise() {
+        let chosen = |parts: &[&str]| {
+            let (scene, settings) = scene::from_text(&format!("{BALL}{}", parts.concat()));
+            choose(&scene, &settings).unwrap().map(|choice| choice.method)
+        };
+        let ball = format!("{PEBBLE}\"white\"\n");
+        let glass = format!("{PEBBLE}\"glass\"\n");
+        assert_eq!(chosen(&[&ball, SKY]), Some(Method::Path));
+        assert_eq!(chosen(&[&glass, SKY]), Some(Method::Photon));
+        assert_eq!(chosen(&[FOG, &ball, LAMP]), Some(Method::Photon));
+        let says = ["[photons]\nvolume = 1000", "[volume]\nneighbours = 50", "[surface]\nindirect = \"map\""];
+        for says in says.into_iter().chain(["[render]\nmethod = \"path\""]) {
+            assert_eq!(chosen(&[&ball, SKY, says]), None, "{says}");
+        }
+    }
+}
