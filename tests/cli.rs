@@ -242,6 +242,7 @@ fn what_is_wrong_is_refused_before_the_work() {
         (render(&["--target-error", "0%"]), 2, "such as 2%"),
         (render(&["--memory", "8"]), 2, "such as 8GiB"),
         (render(&["--memory", "1MB"]), 2, "are not enough"),
+        (render(&["--strict", "--set", "lights=[]"]), 2, "(warnings are errors: --strict)"),
         (render(&["--checkpoint", "nowhere/file"]), 1, "there is no folder nowhere"),
         (render(&["--resume", "missing"]), 2, "missing"),
         (render(&["--resume", "notes.txt"]), 2, "not a checkpoint"),

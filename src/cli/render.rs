@@ -82,6 +82,9 @@ pub struct Arguments {
     /// No progress and no messages but errors.
     #[arg(short, long)]
     quiet: bool,
+    /// Warnings are errors: of the scene before anything is rendered, of the render once its image is written.
+    #[arg(long)]
+    strict: bool,
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
@@ -113,6 +116,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let settings = Settings::of(&description);
         Ok((description, scene, settings, choice))
     })?;
+    if arguments.strict && !scene.warnings.is_empty() {
+        return Err(Error::Scene(warned(&scene.warnings)));
+    }
     if let Some((pixel, sample)) = arguments.replay {
         let replayed = render::Replayer::new(&scene, &settings)?.replay(pixel, sample)?;
         return super::print(&Names::new(&description, &scene).story(&replayed));
@@ -158,7 +164,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let rendering = pool.install(|| render::refine(&scene, &settings, &limits, start_from, &watch, &stop))?;
     let kept = watch.finish(&rendering.film, &rendering.stats);
     let total = start.elapsed().as_secs_f64();
-    if !arguments.quiet {
+    if !arguments.quiet && !arguments.strict {
         for warning in &rendering.warnings {
             super::tell(format_args!("warning: {warning}"));
         }
@@ -207,7 +213,15 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if !arguments.quiet {
         summarise(&report, &rendering.stats, &outputs);
     }
+    if arguments.strict && !rendering.warnings.is_empty() {
+        return Err(Error::Failed(warned(&rendering.warnings)));
+    }
     Ok(())
+}
+
+/// Warnings as an error.
+fn warned(warnings: &[String]) -> String {
+    format!("{} (warnings are errors: --strict)", warnings.join("\n"))
 }
 
 fn limits(arguments: &Arguments) -> Limits {

@@ -3,13 +3,13 @@
 use rayon::prelude::*;
 
 use super::camera::Camera;
-use super::eye::{Context, Eye, Mode, Path};
+use super::eye::{Component, Context, Eye, Mode, Path};
 use super::limits::Limits;
+use super::numbers::{global_photons, volume_photons};
 use super::plan::Plan;
 use super::tile::{eye_settings, set_out};
 use crate::Result;
 use crate::gather::Queue;
-use crate::math::Rgb;
 use crate::math::random::mix;
 use crate::scene::description::{Method, Render};
 use crate::scene::{Scene, Settings};
@@ -28,6 +28,11 @@ pub struct Choice {
 /// Paths that are good enough leave this relative squared error, with as many camera samples as the render has: photons come to no less in most
 /// scenes, and have maps to be built first.
 const GOOD: f64 = 0.002;
+/// What photons would gather.
+const GATHERED: [Component; 4] =
+    [Component::Indirect, Component::Caustic, Component::VolumeSingle, Component::VolumeMultiple];
+/// A photon costs about as much as so many camera samples.
+const A_PHOTON: f64 = 1.0;
 /// Pixels of a pilot: looked at by so many together, until these tell that paths are not good enough, or there are
 const BATCH: u64 = 64;
 /// so many.
@@ -43,8 +48,9 @@ const DARK: f64 = 0.01;
 /// Chooses between paths and photons for a scene that leaves the method to the plan ([`Render::automatic`]); `None` where it names one. The choice depends
 /// on scene, seed and settings alone.
 ///
-/// Paths are chosen where nothing mirrors or refracts, which may throw caustics that a few paths do not tell of, and where a pilot of paths finds so
-/// little noise that the picture's camera samples leave a relative squared error of 0.002 or less.
+/// Paths are chosen where nothing mirrors or refracts, which may throw caustics that a few paths do not tell of, and where a pilot of paths finds that the picture's
+/// camera samples leave a relative squared error of 0.002 or less; or that, of the noise they leave, so little is of light that photons would gather, V_g against V of
+/// all other, that N photons cost more than they save: V_g P S < V N, with S samples of P pixels.
 ///
 /// # Errors
 /// As [`Plan::new`].
@@ -67,22 +73,37 @@ pub fn choose(scene: &Scene, settings: &Settings) -> Result<Option<Choice>> {
         return photons("as the picture is too small for a pilot of paths");
     }
     let samples = u64::from(plan.samples) * u64::from(settings.render.passes);
-    Ok(Some(match noise((scene, &camera, plan), pixels, samples) {
-        Some(error) if error <= GOOD => Choice {
+    let photons = volume_photons(scene, settings) + global_photons(scene, settings);
+    // Each pass has photons of its own.
+    let worth = A_PHOTON * photons as f64 / (all * u64::from(plan.samples)) as f64;
+    Ok(Some(match noise((scene, &camera, plan), pixels, samples, worth) {
+        Some(Noise { all, .. }) if all <= GOOD => Choice {
             method: Method::Path,
-            why: format!("as {samples} paths a pixel leave a relative squared error of {error:.1e}"),
+            why: format!("as {samples} paths a pixel leave a relative squared error of {all:.1e}"),
         },
-        Some(error) => Choice {
+        Some(Noise { all, gathered }) if gathered < worth * (all - gathered) => Choice {
+            method: Method::Path,
+            why: format!("as {:.0} % of their noise is of light that photons would gather", 100.0 * gathered / all),
+        },
+        Some(Noise { all, .. }) => Choice {
             method: Method::Photon,
-            why: format!("as {samples} paths a pixel would leave a relative squared error of {error:.1e}"),
+            why: format!("as {samples} paths a pixel would leave a relative squared error of {all:.1e}"),
         },
         None => Choice { method: Method::Photon, why: "as paths have no end in sight".to_string() },
     }))
 }
 
-/// The relative squared error that so many paths a pixel leave, from so many pixels at most, and fewer where it is large; `None` where a path has no end in
-/// sight.
-fn noise((scene, camera, plan): (&Scene, &Camera, Plan), pixels: u64, samples: u64) -> Option<f64> {
+/// The relative squared error that paths leave,
+struct Noise {
+    /// of all light,
+    all: f64,
+    /// and of what photons would gather.
+    gathered: f64,
+}
+
+/// What so many paths a pixel leave, from so many pixels at most, and fewer where there is no doubt that photons are better; `None` where a path has no end in
+/// sight. `worth`: what photons cost against camera samples.
+fn noise((scene, camera, plan): (&Scene, &Camera, Plan), pixels: u64, samples: u64, worth: f64) -> Option<Noise> {
     let (width, height) = camera.size();
     // Apart: of another seed.
     let looks = [plan.clone(), Plan { seed: mix(plan.seed), ..plan }];
@@ -93,41 +114,48 @@ fn noise((scene, camera, plan): (&Scene, &Camera, Plan), pixels: u64, samples: u
         let [x, y] = STEPS.map(|step| (number as f64 * step).fract());
         (((x * f64::from(width)) as u32).min(width - 1), ((y * f64::from(height)) as u32).min(height - 1))
     };
-    let (mut found, mut error) = (Vec::new(), f64::INFINITY);
+    let (mut found, mut noise) = (Vec::new(), Noise { all: 0.0, gathered: 0.0 });
     for first in (0..pixels).step_by(BATCH as usize) {
-        let batch: Vec<Option<[f64; 2]>> = (first..pixels.min(first + BATCH))
+        let batch: Vec<Option<Pixel>> = (first..pixels.min(first + BATCH))
             .into_par_iter()
             .map(|number| two_looks((scene, camera), &looks, taken, place(number)))
             .collect();
         for pixel in batch {
             found.push(pixel?);
         }
-        let mean = found.iter().map(|[mean, _]| mean).sum::<f64>() / found.len() as f64;
-        let relative = |[of, variance]: &[f64; 2]| {
-            let scale = of * of + DARK * mean * mean;
-            if scale > 0.0 { variance / scale } else { 0.0 }
+        let mean = found.iter().map(|pixel| pixel.mean).sum::<f64>() / found.len() as f64;
+        let relative = |of: fn(&Pixel) -> f64| {
+            let each = found.iter().map(|pixel| {
+                let scale = pixel.mean * pixel.mean + DARK * mean * mean;
+                if scale > 0.0 { of(pixel) / scale } else { 0.0 }
+            });
+            each.sum::<f64>() / found.len() as f64 * f64::from(taken) / samples as f64
         };
-        error = found.iter().map(relative).sum::<f64>() / found.len() as f64 * f64::from(taken) / samples as f64;
-        if error > 2.0 * GOOD {
+        noise = Noise { all: relative(|pixel| pixel.all), gathered: relative(|pixel| pixel.gathered) };
+        if noise.all > 2.0 * GOOD && noise.gathered > 2.0 * worth * (noise.all - noise.gathered) {
             break;
         }
     }
-    Some(error)
+    Some(noise)
 }
 
-/// The mean of a pixel's paths, and the variance of the mean of so many; `None` if one of them has no end in sight.
-fn two_looks(
-    (scene, camera): (&Scene, &Camera),
-    looks: &[Plan; 2],
-    samples: u32,
-    pixel: (u32, u32),
-) -> Option<[f64; 2]> {
-    let mean = |plan: &Plan| {
+/// What two looks at a pixel tell.
+struct Pixel {
+    mean: f64,
+    /// The variance of what one of them sees,
+    all: f64,
+    /// and of what photons would gather of that.
+    gathered: f64,
+}
+
+/// Looks at a pixel twice, by so many paths each; `None` if one of them has no end in sight.
+fn two_looks((scene, camera): (&Scene, &Camera), looks: &[Plan; 2], samples: u32, pixel: (u32, u32)) -> Option<Pixel> {
+    let look = |plan: &Plan| {
         let mode = if plan.split { Mode::Split } else { Mode::Track };
         // Asked after thousands of events of one path.
         let eye = Eye::new(scene, eye_settings(plan, camera, (mode, None), &|| true));
         let (mut queue, mut parts, mut tally) = (Queue::default(), Parts::<'_, Path>::new(), Tally::default());
-        let mut sum = Rgb::ZERO;
+        let [mut all, mut gathered] = [0.0; 2];
         for sample in 0..samples {
             let (mut stream, ray, inside) = set_out((scene, camera, plan), pixel, (0, sample));
             let mut context =
@@ -136,13 +164,18 @@ fn two_looks(
             if seen.is_broken_off {
                 return None;
             }
-            sum += seen.radiance.iter().sum::<Rgb>();
+            for (component, radiance) in Component::ALL.into_iter().zip(seen.radiance) {
+                let grey = radiance.element_sum() / 3.0 / f64::from(samples);
+                all += grey;
+                gathered += if GATHERED.contains(&component) { grey } else { 0.0 };
+            }
         }
-        Some(sum.element_sum() / 3.0 / f64::from(samples))
+        Some([all, gathered])
     };
-    let [first, second] = looks.each_ref().map(mean);
+    let [first, second] = looks.each_ref().map(look);
     let (first, second) = (first?, second?);
-    Some([0.5 * (first + second), 0.5 * (first - second).powi(2)])
+    let variance = |of: usize| 0.5 * (first[of] - second[of]).powi(2);
+    Some(Pixel { mean: 0.5 * (first[0] + second[0]), all: variance(0), gathered: variance(1) })
 }
 
 #[cfg(test)]
