@@ -143,8 +143,10 @@ fn photons(
             let p = photon.position.as_dvec3();
             let Some(medium) = scene.medium(&scene.inside(p)) else { continue };
             // Along flights through uneven matter they tell what is scattered where the density is 1, by volume.
-            let density = if scene.uneven(medium).is_some() { scene.media[medium as usize].density.at(p) } else { 1.0 };
-            powers[medium as usize] += photon.power.as_dvec3().element_sum() * density;
+            let of = &scene.media[medium as usize];
+            let density = if scene.uneven(medium).is_some() { of.density.at(p) } else { 1.0 };
+            let factor = of.phase.factor(photon.direction.as_dvec3());
+            powers[medium as usize] += photon.power.as_dvec3().element_sum() * density / factor;
         }
         passes.push(powers);
     }

@@ -363,7 +363,7 @@ impl<'s> Traveller<'s> for Probe<'_, 's> {
             Vertex::Medium(collision) => {
                 self.seen.met.insert(Met::Medium(collision.index, self.prober.cell(collision.point)));
                 if let Some(ledger) = &mut self.ledger {
-                    let scattered = (before * collision.medium.albedo).element_sum();
+                    let scattered = (before * collision.medium.albedo_at(collision.point)).element_sum();
                     ledger.scattered[collision.index as usize].now += scattered;
                 }
             }

@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 
 use crate::geometry::Mesh;
 use crate::image::{self, Attribute, LayerData};
+use crate::medium::Phases;
 use crate::medium::density::{npy, vdb};
 use crate::render::Checkpoint;
 use crate::scene;
@@ -239,8 +240,17 @@ fn scene_facts(path: &Path) -> Result<Value> {
             json!({
                 "medium": medium.name,
                 "extinction": (medium.extinction * density).to_array(),
-                "albedo": medium.albedo.to_array(),
-                "mean_cosine": medium.phase.mean_cosine(),
+                "albedo": match medium.albedo.even() {
+                    Some(albedo) => json!(albedo.to_array()),
+                    None => {
+                        let (least, most) = medium.albedo.range();
+                        json!(format!("a grid, from {:?} to {:?}", least.to_array(), most.to_array()))
+                    }
+                },
+                "mean_cosine": match &medium.phase {
+                    Phases::Even(phase) => json!(phase.mean_cosine()),
+                    Phases::HenyeyGreenstein(grid) => json!(format!("a grid, up to {}", grid.largest())),
+                },
                 "glows": medium.glows(),
             })
         })

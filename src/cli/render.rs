@@ -16,7 +16,7 @@ use super::watch::Watch;
 use crate::check::Names;
 use crate::compare::peak_bytes;
 use crate::image::{self, Format};
-use crate::medium::density;
+use crate::medium;
 use crate::render::checkpoint::Subject;
 use crate::render::{self, Checkpoint, Choice, End, Film, Limits, Rendering, Stats};
 use crate::scene::description::Description;
@@ -381,7 +381,7 @@ impl Report {
         total: f64,
     ) -> Self {
         let stats = &rendering.stats;
-        let density = density::bytes(scene.media.iter().map(|medium| &medium.density));
+        let density = medium::bytes(&scene.media);
         Report {
             scene: description.path.display().to_string(),
             method: description.render.method.name(),

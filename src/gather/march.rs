@@ -497,8 +497,8 @@ mod tests {
         Medium {
             name: String::new(),
             extinction: extinction.into(),
-            albedo: Rgb::ONE,
-            phase: Phase::Isotropic(Isotropic),
+            albedo: Rgb::ONE.into(),
+            phase: Phase::Isotropic(Isotropic).into(),
             density,
             emission: Emission::None,
         }

@@ -1,8 +1,8 @@
 //! Phase functions as the beam query evaluates them: for sixteen photons at a time.
 
 use crate::math::DVec3;
-use crate::medium::Medium;
 use crate::medium::phase::{self, Broad, Peak, Phase, Term};
+use crate::medium::{Medium, Phases};
 use crate::photon::simd::Lanes;
 use std::f64::consts::PI;
 
@@ -46,7 +46,13 @@ impl PhaseLanes {
         let peak = |index: usize| peaks.get(index).and_then(Option::as_ref);
         let of = |(index, medium): (usize, &Medium)| match peak(index) {
             Some(peak) => PhaseLanes::below(peak),
-            None => PhaseLanes::new(medium.phase.clone()),
+            None => match &medium.phase {
+                Phases::Even(phase) => PhaseLanes::new(phase.clone()),
+                // Photons tell theirs.
+                Phases::HenyeyGreenstein(asymmetry) => {
+                    PhaseLanes(Kind::Sum(vec![Term::of_scaled_directions(asymmetry.largest())]))
+                }
+            },
         };
         media.iter().enumerate().map(of).collect()
     }

@@ -513,8 +513,8 @@ mod tests {
         let medium = Medium {
             name: String::new(),
             extinction: SIGMA.into(),
-            albedo: Rgb::ONE,
-            phase: Phase::Isotropic(Isotropic),
+            albedo: Rgb::ONE.into(),
+            phase: Phase::Isotropic(Isotropic).into(),
             density: Density::Uniform,
             emission: Emission::None,
         };

@@ -151,7 +151,8 @@ fn world(dice: &mut Dice) -> World {
         1 => Phase::Schlick(Schlick { k: dice.between(-0.9, 0.9) }),
         _ => Phase::HenyeyGreenstein(HenyeyGreenstein { g: dice.between(-0.9, 0.9) }),
     };
-    let medium = Medium { name: String::new(), extinction, albedo: Rgb::ONE, phase, density, emission: Emission::None };
+    let (albedo, phase) = (Rgb::ONE.into(), phase.into());
+    let medium = Medium { name: String::new(), extinction, albedo, phase, density, emission: Emission::None };
     let maps = VolumeMaps::new(vec![Some(map.clone())], std::slice::from_ref(&medium), &[], super::Confines::default());
     World { half, center, medium, maps, map, fuller, comparable: !(absurd || dense || walled || fluence) }
 }
@@ -319,8 +320,8 @@ fn even_fluence_is_scattered_by_the_density() {
     let medium = Medium {
         name: String::new(),
         extinction,
-        albedo: Rgb::ONE,
-        phase: Phase::Isotropic(Isotropic),
+        albedo: Rgb::ONE.into(),
+        phase: Phase::Isotropic(Isotropic).into(),
         density: Density::Grid(Grid::new(Arc::new(bricks), DAffine3::from_scale(DVec3::splat(0.1)))),
         emission: Emission::None,
     };

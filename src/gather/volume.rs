@@ -288,9 +288,9 @@ pub fn emitted(
     mut jitter: impl FnMut() -> f64,
     share: impl Fn(DVec3) -> f64,
 ) -> Rgb {
-    match &medium.emission {
-        Emission::None => Rgb::ZERO,
-        Emission::Uniform(_) => {
+    match (&medium.emission, medium.even_glow()) {
+        (Emission::None, _) => Rgb::ZERO,
+        (_, Some(_)) => {
             let depth = medium.density.depth(ray, a, b);
             // ∫ e^{−σD} dD; 1/σ over an infinite depth.
             let mean = medium.extinction.map(|sigma| match sigma * depth {
@@ -305,7 +305,7 @@ pub fn emitted(
             });
             medium.emitted(DVec3::ZERO) * mean
         }
-        Emission::BlackBody { temperature, .. } => {
+        _ => {
             let Some(density) = medium.density.voxels() else { return Rgb::ZERO };
             let (mut sum, mut depth) = (Rgb::ZERO, 0.0);
             density.cells(ray, a, b, |cell| {
@@ -315,8 +315,9 @@ pub fn emitted(
                     let p = ray.at(t);
                     // The depth up to t, as if the cell were even.
                     let part = (t - cell.ta) / (cell.tb - cell.ta);
-                    if temperature.at(p) > 0.0 {
-                        let here = medium.emitted(p) * (density.at(p) * (cell.tb - cell.ta) * share(p));
+                    let emitted = medium.emitted(p);
+                    if emitted.max_element() > 0.0 {
+                        let here = emitted * (density.at(p) * (cell.tb - cell.ta) * share(p));
                         sum += here * medium.transmittance(depth + part * inside);
                     }
                 }

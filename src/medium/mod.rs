@@ -1,19 +1,22 @@
 //! What fills space: coefficients, densities, phase functions and glow.
 //!
 //! A medium's coefficients are given per unit of density and multiplied by the density ρ(x):
-//! σ_t,c(x) = σ_t,c ρ(x). So the albedo and the phase function are the same everywhere in it, and one
-//! number along a ray, the depth D = ∫ρ dt, gives the transmittance of every channel,
-//! T_c = e^{−σ_t,c D}.
+//! σ_t,c(x) = σ_t,c ρ(x). So one number along a ray, the depth D = ∫ρ dt, gives the transmittance of every
+//! channel, T_c = e^{−σ_t,c D}. The albedo, the phase function and the glow are the same everywhere, or told by
+//! grids beside the density's.
 
 pub mod black_body;
 pub mod density;
+mod field;
 pub mod phase;
 pub mod presets;
 
-use crate::math::{DVec3, Rgb};
+use std::sync::Arc;
+
+use crate::math::{DAffine3, DVec3, Rgb};
 use black_body::BlackBody;
 use density::{Coarse, Density, Grid};
-use phase::Phase;
+pub use field::{Albedo, Asymmetry, Field, Phases, VaryingAlbedo};
 
 /// A participating medium.
 #[derive(Clone, Debug)]
@@ -23,9 +26,9 @@ pub struct Medium {
     /// σ_t per unit of density, per unit of length.
     pub extinction: Rgb,
     /// σ_s/σ_t; 0 where σ_t is 0.
-    pub albedo: Rgb,
+    pub albedo: Albedo,
     /// Over which directions it scatters light, as probability per steradian.
-    pub phase: Phase,
+    pub phase: Phases,
     /// Its density over space, by which the coefficients are multiplied.
     pub density: Density,
     /// The light that its particles send out.
@@ -50,12 +53,61 @@ pub enum Emission {
         /// Planck's radiance, by temperature.
         table: BlackBody,
     },
+    /// A radiance that voxels tell.
+    Grid(Box<Field>),
 }
 
 impl Medium {
+    /// The grids that it is made of.
+    fn grids(&self) -> impl Iterator<Item = &Grid> {
+        let glow = match &self.emission {
+            Emission::None | Emission::Uniform(_) => Vec::new(),
+            Emission::BlackBody { temperature, .. } => vec![&**temperature],
+            Emission::Grid(field) => field.grids(),
+        };
+        self.density.voxels().into_iter().chain(self.albedo.grids()).chain(self.phase.grid()).chain(glow)
+    }
+
     /// Whether it scatters at all.
     pub fn scatters(&self) -> bool {
-        (self.extinction * self.albedo).max_element() > 0.0 && self.density.max() > 0.0
+        (self.extinction * self.albedo.range().1).max_element() > 0.0 && self.density.max() > 0.0
+    }
+
+    /// The albedo at the point `p`.
+    #[inline]
+    pub fn albedo_at(&self, p: DVec3) -> Rgb {
+        match &self.albedo {
+            Albedo::Even(albedo) => *albedo,
+            Albedo::Varying(albedo) => albedo.at(p, || self.density.at(p)),
+        }
+    }
+
+    /// Whether more than its density varies of what it does with light that it meets.
+    pub fn is_mixed(&self) -> bool {
+        self.albedo.even().is_none() || self.phase.even().is_none()
+    }
+
+    /// Carried along by a transform of the scene.
+    pub(crate) fn moved(&self, transform: DAffine3) -> Medium {
+        let emission = match &self.emission {
+            Emission::None => Emission::None,
+            Emission::Uniform(radiance) => Emission::Uniform(*radiance),
+            Emission::BlackBody { temperature, kelvin_scale, scale, table } => Emission::BlackBody {
+                temperature: Box::new(temperature.moved(transform)),
+                kelvin_scale: *kelvin_scale,
+                scale: *scale,
+                table: table.clone(),
+            },
+            Emission::Grid(field) => Emission::Grid(Box::new(field.moved(transform))),
+        };
+        Medium {
+            name: self.name.clone(),
+            extinction: self.extinction,
+            albedo: self.albedo.moved(transform),
+            phase: self.phase.moved(transform),
+            density: self.density.moved(transform),
+            emission,
+        }
     }
 
     /// Its largest channel's extinction where it is densest.
@@ -75,8 +127,16 @@ impl Medium {
 
     /// Whether it glows: it needs absorption to do so (Kirchhoff's law).
     pub fn glows(&self) -> bool {
-        let absorbs = (self.extinction * (Rgb::ONE - self.albedo)).max_element() > 0.0;
+        let absorbs = (self.extinction * (Rgb::ONE - self.albedo.range().0)).max_element() > 0.0;
         absorbs && !self.is_clear() && !matches!(self.emission, Emission::None)
+    }
+
+    /// What its particles send out, if that and what they absorb is the same everywhere: an integral has a closed form then.
+    pub fn even_glow(&self) -> Option<Rgb> {
+        match self.emission {
+            Emission::Uniform(radiance) if self.albedo.even().is_some() => Some(radiance),
+            _ => None,
+        }
     }
 
     /// e^{−σ_t,c D} for a depth D, infinite ones included.
@@ -86,15 +146,29 @@ impl Medium {
 
     /// σ_a L_e/ρ at `p`: radiance per unit of length and density.
     pub fn emitted(&self, p: DVec3) -> Rgb {
-        let absorption = self.extinction * (Rgb::ONE - self.albedo);
+        let absorption = || self.extinction * (Rgb::ONE - self.albedo_at(p));
         match &self.emission {
             Emission::None => Rgb::ZERO,
-            Emission::Uniform(radiance) => absorption * *radiance,
+            Emission::Uniform(radiance) => absorption() * *radiance,
             Emission::BlackBody { temperature, kelvin_scale, scale, table } => {
-                absorption * *scale * table.radiance(temperature.at(p) * kelvin_scale)
+                absorption() * *scale * table.radiance(temperature.at(p) * kelvin_scale)
             }
+            Emission::Grid(field) => absorption() * field.at(p),
         }
     }
+}
+
+/// The memory that the voxels of media take together, in bytes; those that several of them share count once.
+pub fn bytes(media: &[Medium]) -> u64 {
+    let mut seen = Vec::new();
+    let mut bytes = 0;
+    for voxels in media.iter().flat_map(Medium::grids).map(Grid::voxels) {
+        if !seen.contains(&Arc::as_ptr(voxels)) {
+            seen.push(Arc::as_ptr(voxels));
+            bytes += voxels.bytes() as u64;
+        }
+    }
+    bytes
 }
 
 /// e^{−σ D} per channel; 1 in a channel without extinction, however deep.

@@ -14,6 +14,8 @@ pub(super) const RICHER: u64 = 4;
 const FACING: f32 = 0.9;
 /// A neighbour as far as a group is wide is as good as one whose light comes from this far (1 − cosine) aside.
 const ASIDE: f32 = 0.5;
+/// Directions that have the mean cosine for their length stand for each other where their 1 − g² differ by no more than this share.
+const SAME_LENGTH: f32 = 0.01;
 
 /// Whether photons are told apart by their events.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -110,7 +112,14 @@ fn survivors(group: &[Photon], count: usize, filled: Filled, tagged: bool) -> Ve
     for photon in rest.into_iter().map(|index| group[index]) {
         let stands_for = |other: &Photon| {
             let alike = !tagged || other.events == photon.events;
-            alike && (filled == Filled::Media || other.normal.unpacked().dot(photon.normal.unpacked()) >= FACING)
+            match filled {
+                Filled::Surfaces => alike && other.normal.unpacked().dot(photon.normal.unpacked()) >= FACING,
+                // Of one mean cosine, where that is the length of directions.
+                Filled::Media => {
+                    let [other, own] = [other, &photon].map(|photon| photon.direction.length_squared());
+                    alike && (other - own).abs() <= SAME_LENGTH * (1.0 - own) + 1e-6
+                }
+            }
         };
         let apart = |other: &Photon| {
             let aside = 1.0 - other.direction.dot(photon.direction);

@@ -176,7 +176,8 @@ impl VolumeSink {
             keep *= importance.keep(at.point.as_vec3());
         }
         if wanted && (keep >= 1.0 || stream.uniform() < keep) {
-            self.store(quota, &place, power / keep);
+            let (direction, factor) = at.medium.phase.kept(at.point, at.direction);
+            self.store(quota, &Place { direction, ..place }, power / keep * factor);
         }
     }
 
@@ -246,7 +247,8 @@ impl VolumeSink {
             while t + next / rate < to {
                 t += next / rate;
                 next = stream.exponential();
-                let (scattered, position) = (power(t) * medium.albedo, flight.ray.at(t).as_vec3());
+                let point = flight.ray.at(t);
+                let (scattered, position) = (power(t) * medium.albedo_at(point), point.as_vec3());
                 let mut rate = rate;
                 if let Some(importance) = &quota.importance {
                     let share = importance.keep(position);
@@ -255,10 +257,11 @@ impl VolumeSink {
                     }
                     rate *= share;
                 }
+                let (direction, factor) = medium.phase.kept(point, flight.ray.direction);
                 let photon = Photon {
                     position,
-                    direction: flight.ray.direction.as_vec3(),
-                    power: (scattered * medium.extinction / rate).as_vec3(),
+                    direction: direction.as_vec3(),
+                    power: (scattered * medium.extinction / rate * factor).as_vec3(),
                     events: events.min(255) as u8,
                     normal: PackedNormal::default(),
                 };

@@ -633,7 +633,7 @@ impl<'s> Flying<'_, 's> {
         self.collided = true;
         self.chunk.collisions += 1;
         let history = (luggage.events, luggage.own.history);
-        let power = luggage.weight * at.medium.albedo;
+        let power = luggage.weight * at.medium.albedo_at(at.point);
         if !self.tracer.quota.is_uneven(at.index) {
             self.chunk.volume.deposit(&self.tracer.quota, at, history, power, self.stream);
         }

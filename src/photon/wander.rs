@@ -30,12 +30,12 @@ pub(super) struct Dense {
 impl Dense {
     /// A medium as wanderers know it; `None` if it is of another kind.
     pub fn of(medium: &Medium) -> Option<Dense> {
-        let g = match &medium.phase {
+        let g = match medium.phase.even()? {
             Phase::Isotropic(_) => 0.0,
             phase => phase.henyey_greenstein()?,
         };
         let walks = medium.density.is_even() && medium.extinction.min_element() > 0.0;
-        walks.then_some(Dense { extinction: medium.extinction, albedo: medium.albedo, g })
+        walks.then_some(Dense { extinction: medium.extinction, albedo: medium.albedo.even()?, g })
     }
 
     /// The share of light that goes on from a collision.

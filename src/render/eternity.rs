@@ -122,7 +122,7 @@ impl Pilot<'_> {
     /// there for ever, or for a time without a mean.
     pub fn refuse_eternity(&self) -> Result<()> {
         let scene = self.scene;
-        let white = |medium: &&Medium| medium.scatters() && medium.albedo.max_element() >= 1.0;
+        let white = |medium: &&Medium| medium.scatters() && medium.albedo.range().0.max_element() >= 1.0;
         let world = scene.world.map(|world| &scene.media[world as usize]).filter(white);
         let air = world.filter(|medium| matches!(medium.density, Density::Exponential(_)));
         let walks = if air.is_some() { WALKS_IN_AIR } else { WALKS };

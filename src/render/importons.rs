@@ -71,7 +71,8 @@ impl<'s> Traveller<'s> for Looking<'s, '_> {
         let range = (segment.a, segment.b);
         let forced = force(medium, segment.ray, range, luggage.weight, self.stream);
         if let Some((t, weight)) = forced.collision {
-            self.found.media.extend(importon(segment.ray.at(t), weight * medium.albedo));
+            let point = segment.ray.at(t);
+            self.found.media.extend(importon(point, weight * medium.albedo_at(point)));
         }
         luggage.weight *= forced.passed;
         ControlFlow::Continue(())

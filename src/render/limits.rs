@@ -8,7 +8,7 @@ use super::eye::Component;
 use super::film::{Film, Layers};
 use super::numbers::{caustic_photons, global_photons, shadow_photons};
 use super::splat::Splats;
-use crate::medium::density;
+use crate::medium;
 use crate::scene::description::{Estimate, Kernel, Method, Volume};
 use crate::scene::{Scene, Settings};
 use crate::{Error, Result};
@@ -120,7 +120,7 @@ impl Limits {
         let surfaces =
             caustic_photons(scene, settings) + global_photons(scene, settings) + shadow_photons(scene, settings);
         let surfaces = surfaces * SURFACE_PHOTON_BYTES;
-        let fixed = PROGRAM_BYTES + surfaces + density::bytes(scene.media.iter().map(|medium| &medium.density));
+        let fixed = PROGRAM_BYTES + surfaces + medium::bytes(&scene.media);
         let bytes = |parts: u64| {
             (fixed + film(several || parts > 1)).saturating_add(photons.div_ceil(parts).saturating_mul(each))
         };

@@ -26,7 +26,9 @@ pub(super) fn of_media(scene: &Scene, volume: &Volume) -> Vec<Option<Peak>> {
         Peaks::Auto => scene.uneven(index).is_some() && thickness(scene, index) >= THIN,
     };
     let of = |(index, medium): (u32, &Medium)| {
-        let peak = (medium.scatters() && is_left(index)).then(|| Peak::new(&medium.phase, CEILING));
+        // What g is elsewhere, a photon's own peak does not tell.
+        let phase = medium.phase.even().filter(|_| medium.scatters() && is_left(index));
+        let peak = phase.map(|phase| Peak::new(phase, CEILING));
         peak.filter(|peak| peak.second_moment() > MILD)
     };
     (0..).zip(&scene.media).map(of).collect()

@@ -2,7 +2,9 @@
 //! along, and everything moved so that the scene's middle is the origin.
 
 mod depths;
+mod grids;
 mod lights;
+mod media;
 mod origin;
 mod overlaps;
 mod paint;
@@ -20,10 +22,8 @@ use super::{Glow, Settings};
 use crate::geometry::{Cuboid, Cylinder, Disk, Distances, Geometry, Lathe, Mesh, Placed, Quad, Shape, Sphere};
 use crate::light::{Area, Directivity, Emitters, Light, Profile, Sides, Surroundings};
 use crate::math::{Bounds, DAffine3, DVec3, Rgb};
-use crate::medium::black_body::BlackBody;
+use crate::medium::Medium;
 use crate::medium::density::bricks::{BrickGrid, Interpolation, NegativePolicy, Precision};
-use crate::medium::density::{Density, Grid, npy, vdb};
-use crate::medium::{Emission, Medium};
 use crate::surface::{Paint, Pyramid};
 use crate::{Error, Result};
 
@@ -252,152 +252,6 @@ impl<'d> Builder<'d> {
         let mesh = Arc::new(Mesh::load(&file.value, smooth).map_err(|error| file.place.error(error))?);
         self.meshes.insert(key, mesh.clone());
         Ok(mesh)
-    }
-
-    // Media.
-
-    /// The medium at `index` of the description, carried along by an instance: an index into `media`.
-    fn medium(&mut self, index: usize, instance: Option<usize>) -> Result<u32> {
-        // What does not depend on the place is not carried.
-        let even = self.description.media[index].density.even().is_some();
-        let key = (index, if even { None } else { instance });
-        if let Some(&medium) = self.carried.get(&key) {
-            return Ok(medium);
-        }
-        if !self.loaded.contains_key(&index) {
-            let medium = self.load_medium(index)?;
-            self.loaded.insert(index, medium);
-        }
-        let mut medium = self.loaded[&index].clone();
-        let carry = match key.1 {
-            Some(instance) => self.moved() * self.description.shapes[instance].transform,
-            None => self.moved(),
-        };
-        medium.density = medium.density.moved(carry);
-        if let Emission::BlackBody { temperature, .. } = &mut medium.emission {
-            **temperature = temperature.moved(carry);
-        }
-        let id = self.media.len() as u32;
-        self.media.push(medium);
-        self.carried.insert(key, id);
-        Ok(id)
-    }
-
-    fn load_medium(&mut self, index: usize) -> Result<Medium> {
-        let said = &self.description.media[index];
-        let mut extinction = said.sigma_t();
-        let density = match &said.density {
-            said::Density::Constant { value } => {
-                extinction *= *value;
-                Density::Uniform
-            }
-            said::Density::Exponential(air) => Density::Exponential(*air),
-            said::Density::Noise(noise) => {
-                let extents = self.extents.get(&index).map_or(&[][..], Vec::as_slice);
-                let grid = noise.sample(extents).map_err(|error| said.place.error(error))?;
-                Density::Grid(grid.with_precision(said.precision))
-            }
-            said::Density::Array { file, min, max } => {
-                Density::Grid(self.array(file, *min, *max)?.with_precision(said.precision))
-            }
-            said::Density::Vdb { file, grid, transform, interpolation, negative } => {
-                let kept = (*interpolation, *negative, said.precision);
-                Density::Grid(self.vdb(file, grid.as_ref(), *transform, kept)?)
-            }
-        };
-        let emission = match &said.emission {
-            None => Emission::None,
-            Some(said::MediumEmission::Constant { radiance }) => Emission::Uniform(*radiance),
-            Some(said::MediumEmission::BlackBody { temperature, kelvin_scale, scale }) => {
-                let Some((file, transform)) = said.density.grids() else {
-                    return Err(temperature.place.error("a grid of temperatures needs a density of type \"vdb\""));
-                };
-                let kept = (Interpolation::Trilinear, NegativePolicy::Zero, Precision::Full);
-                let grid = self.vdb(file, Some(temperature), transform, kept)?;
-                Emission::BlackBody {
-                    temperature: Box::new(grid),
-                    kelvin_scale: *kelvin_scale,
-                    scale: *scale,
-                    table: BlackBody::default(),
-                }
-            }
-        };
-        let medium = Medium {
-            name: said.name.clone(),
-            extinction,
-            albedo: said.albedo(),
-            phase: said.phase.clone(),
-            density,
-            emission,
-        };
-        if said.sigma_t().max_element() > 0.0 && medium.is_clear() {
-            self.warnings.push(format!("{}: the density is 0 everywhere: the medium is vacuum", said.place));
-        }
-        Ok(medium)
-    }
-
-    fn vdb(
-        &mut self,
-        file: &Located<PathBuf>,
-        name: Option<&Located<String>>,
-        transform: DAffine3,
-        kept: Kept,
-    ) -> Result<Grid> {
-        let fail = |error: Error| name.map_or(&file.place, |name| &name.place).error(error);
-        let source = vdb::File::open(&file.value).map_err(|error| file.place.error(error))?;
-        let index = match name {
-            Some(name) => source.find(&name.value).map_err(fail)?,
-            None if source.grids().len() == 1 => 0,
-            None => source.find("density").map_err(fail)?,
-        };
-        let to_world = source.grids()[index].index_to_world.clone();
-        let to_world = to_world.map_err(|message| fail(Error::asset(&file.value, message)))?;
-        let (interpolation, negative, precision) = kept;
-        let key = (file.value.clone(), index, kept);
-        let voxels = match self.voxels.get(&key) {
-            Some(voxels) => voxels.clone(),
-            None => {
-                let grid = source.read_at(index).map_err(fail)?;
-                let voxels = BrickGrid::from_vdb(&grid, negative).map_err(fail)?;
-                let voxels = Arc::new(voxels.with_interpolation(interpolation).with_precision(precision));
-                self.voxels.insert(key, voxels.clone());
-                voxels
-            }
-        };
-        let place = transform * to_world;
-        if !place.is_finite() || place.matrix3.determinant() == 0.0 {
-            return Err(file.place.error("the grid's transform cannot be inverted"));
-        }
-        Ok(Grid::new(voxels, place))
-    }
-
-    fn array(&mut self, file: &Located<PathBuf>, min: DVec3, max: DVec3) -> Result<Grid> {
-        let array = npy::read(&file.value).map_err(|error| file.place.error(error))?;
-        let [nx, ny, nz] = array.dims;
-        let count = |wrong: fn(&f32) -> bool| array.values.iter().filter(|value| wrong(value)).count();
-        let (odd, negative) = (count(|value| !value.is_finite()), count(|value| *value < 0.0));
-        if odd + negative > 0 {
-            return Err(file.place.error(format!(
-                "{}: {odd} values are infinite or not numbers and {negative} are negative; densities must be finite and at least 0: repair the array",
-                file.value.display()
-            )));
-        }
-        // Clamped to the outer samples inside the box: one more layer of them all around.
-        let mut values = Vec::with_capacity((nx + 2) * (ny + 2) * (nz + 2));
-        for k in 0..nz + 2 {
-            for j in 0..ny + 2 {
-                let inner = |i: usize, n: usize| i.clamp(1, n) - 1;
-                let row = (inner(k, nz) * ny + inner(j, ny)) * nx;
-                values.extend((0..nx + 2).map(|i| array.values[row + inner(i, nx)]));
-            }
-        }
-        let voxels = BrickGrid::from_dense([-1; 3], [nx + 2, ny + 2, nz + 2], &values, 0.0, NegativePolicy::Error)
-            .map_err(|error| file.place.error(error))?;
-        let counts = DVec3::new(nx as f64, ny as f64, nz as f64);
-        let cell = (max - min) / counts;
-        let to_world = DAffine3::from_translation(min + 0.5 * cell) * DAffine3::from_scale(cell);
-        let clip = Bounds { min: DVec3::splat(-0.5), max: counts - 0.5 };
-        Ok(Grid::new(Arc::new(voxels), to_world).clipped(clip))
     }
 
     // The scene.

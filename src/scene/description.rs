@@ -276,10 +276,13 @@ impl Unit {
 pub struct Medium {
     /// The medium's key under `[media]`.
     pub name: String,
-    /// Scattering coefficient per scene unit where the density is 1, `scale` applied; at least 0.
+    /// Scattering coefficient per scene unit where the density is 1, `scale` applied; at least 0; 0 where grids tell it.
     pub sigma_s: Rgb,
-    /// Absorption coefficient per scene unit where the density is 1, `scale` applied; at least 0.
+    /// Absorption coefficient per scene unit where the density is 1, `scale` applied; at least 0; 0 where grids tell it.
     pub sigma_a: Rgb,
+    /// What grids of the density's file tell in place of numbers.
+    #[serde(skip_serializing_if = "MediumGrids::is_empty")]
+    pub grids: MediumGrids,
     /// How light is turned at a scattering event.
     pub phase: Phase,
     /// What both coefficients are multiplied by at each point.
@@ -295,7 +298,57 @@ pub struct Medium {
     pub place: Place,
 }
 
+/// A grid of the density's file ([`Density::grids`]).
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct NamedGrid {
+    /// The name of the grid.
+    pub name: Located<String>,
+    /// What its values are multiplied by, at least 0.
+    pub scale: f64,
+}
+
+/// What grids tell of a medium in place of numbers.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct MediumGrids {
+    /// The extinction coefficient per scene unit where the density is 1, and the grid of the albedo.
+    pub albedo: Option<(Rgb, NamedGrid)>,
+    /// The scattering coefficient per scene unit.
+    pub sigma_s: Option<NamedGrid>,
+    /// The absorption coefficient per scene unit.
+    pub sigma_a: Option<NamedGrid>,
+    /// The mean cosine of a Henyey–Greenstein phase function.
+    pub mean_cosine: Option<NamedGrid>,
+}
+
+impl MediumGrids {
+    /// Whether all is told by numbers.
+    pub fn is_empty(&self) -> bool {
+        *self == MediumGrids::default()
+    }
+
+    /// All that are named.
+    fn named(&self) -> impl Iterator<Item = &NamedGrid> {
+        let albedo = self.albedo.as_ref().map(|(_, grid)| grid);
+        [albedo, self.sigma_s.as_ref(), self.sigma_a.as_ref(), self.mean_cosine.as_ref()].into_iter().flatten()
+    }
+}
+
 impl Medium {
+    /// Whether it may absorb: as far as numbers tell.
+    pub fn may_absorb(&self) -> bool {
+        self.sigma_a != Rgb::ZERO || self.grids.albedo.is_some() || self.grids.sigma_a.is_some()
+    }
+
+    /// The names of all grids beside the density's that it is made of.
+    pub(crate) fn named_grids(&self) -> impl Iterator<Item = &Located<String>> {
+        let glow = match &self.emission {
+            Some(MediumEmission::BlackBody { temperature, .. }) => Some(temperature),
+            Some(MediumEmission::Grid { radiance }) => Some(&radiance.name),
+            Some(MediumEmission::Constant { .. }) | None => None,
+        };
+        self.grids.named().map(|grid| &grid.name).chain(glow)
+    }
+
     /// The extinction coefficient σ_t = σ_s + σ_a per scene unit where the density is 1.
     pub fn sigma_t(&self) -> Rgb {
         self.sigma_s + self.sigma_a
@@ -394,5 +447,10 @@ pub enum MediumEmission {
         kelvin_scale: f64,
         /// What Planck's radiance is multiplied by, at least 0.
         scale: f64,
+    },
+    /// One that another grid of the density's file tells.
+    Grid {
+        /// L_e in W/(sr · unit²); voxels are at least 0.
+        radiance: NamedGrid,
     },
 }

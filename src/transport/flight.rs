@@ -315,8 +315,8 @@ mod tests {
         Medium {
             name: "test".to_string(),
             extinction,
-            albedo: Rgb::splat(0.5),
-            phase: Phase::Isotropic(Isotropic),
+            albedo: Rgb::splat(0.5).into(),
+            phase: Phase::Isotropic(Isotropic).into(),
             density,
             emission: Emission::None,
         }

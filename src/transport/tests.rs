@@ -224,8 +224,8 @@ fn cases(lean: f64) -> Vec<Case> {
             let medium = Medium {
                 name: name.clone(),
                 extinction: Rgb::ONE,
-                albedo: Rgb::new(0.9, 0.5, 0.1),
-                phase,
+                albedo: Rgb::new(0.9, 0.5, 0.1).into(),
+                phase: phase.into(),
                 density: Density::Uniform,
                 emission: Emission::None,
             };

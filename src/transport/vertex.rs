@@ -33,14 +33,15 @@ pub struct Collision<'w> {
 impl Collision<'_> {
     /// The share of light that goes on from here.
     pub fn albedo(&self) -> Rgb {
-        self.peak.map_or(self.medium.albedo, |peak| self.medium.albedo * peak.share())
+        let albedo = self.medium.albedo_at(self.point);
+        self.peak.map_or(albedo, |peak| albedo * peak.share())
     }
 
     /// The phase function for light that goes on along `o`, and the density per steradian with which [`Collision::sample`] draws that.
     pub fn phase(&self, o: DVec3) -> (f64, f64) {
         match self.peak {
             None => {
-                let value = self.medium.phase.value(self.direction, o);
+                let value = self.medium.phase.value(self.point, self.direction, o);
                 (value, value)
             }
             Some(peak) => {
@@ -53,7 +54,7 @@ impl Collision<'_> {
     /// A direction in which light goes on, with its density per steradian.
     pub fn sample(&self, stream: &mut Stream) -> (DVec3, f64) {
         match self.peak {
-            None => self.medium.phase.sample(self.direction, stream),
+            None => self.medium.phase.sample(self.point, self.direction, stream),
             Some(peak) => peak.sample(self.direction, stream),
         }
     }
@@ -141,7 +142,7 @@ impl Vertex<'_> {
             Vertex::Surface(at) => at.bsdf.toward(&at.incidence, o, side, both, weight, stream, part),
             Vertex::Medium(at) => {
                 let (phase, density) = at.phase(o);
-                part(weight, Scattering { value: at.medium.albedo * phase, ahead: Rgb::splat(density) });
+                part(weight, Scattering { value: at.medium.albedo_at(at.point) * phase, ahead: Rgb::splat(density) });
             }
         }
     }

@@ -19,7 +19,6 @@ pub use grid::Grid;
 pub use noise::Noise;
 
 use crate::math::{Bounds, DAffine3, DVec3, Ray};
-use std::sync::Arc;
 
 /// A density, one of the kinds a scene file can name. A constant value is folded into the medium's
 /// coefficients; arrays and noise are voxels too.
@@ -157,17 +156,4 @@ fn spaced((t0, t1): (f64, f64), known: impl Fn(f64) -> (f64, f64), mut knot: imp
         let (depth, density) = known(t);
         knot(t, depth, density);
     }
-}
-
-/// The memory that densities take together, in bytes; voxels that several of them share count once.
-pub fn bytes<'d>(densities: impl IntoIterator<Item = &'d Density>) -> u64 {
-    let mut seen = Vec::new();
-    let mut bytes = 0;
-    for voxels in densities.into_iter().filter_map(Density::voxels).map(Grid::voxels) {
-        if !seen.contains(&Arc::as_ptr(voxels)) {
-            seen.push(Arc::as_ptr(voxels));
-            bytes += voxels.bytes() as u64;
-        }
-    }
-    bytes
 }

@@ -59,6 +59,9 @@ impl Form {
         (Form { base: (1.0 - g).powi(2) as f32, slope: g as f32 }, 0.25 / PI * (1.0 - g) * (1.0 + g))
     }
 
+    /// Of x = e², with v = g d in place of the direction d, where that is kept so: |v + ω|² = 1 + g² + 2g d·ω.
+    pub(super) const SCALED: Form = Form { base: 0.0, slope: 1.0 };
+
     /// How fast ⅔ of its logarithm changes with the angle, at most.
     pub(super) fn steepness(&self) -> f64 {
         HenyeyGreenstein { g: f64::from(self.slope) }.steepness()

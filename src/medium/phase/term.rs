@@ -1,5 +1,7 @@
 //! Phase functions as sums of simple terms: the form in which many photons are evaluated at a time.
 
+use std::f64::consts::PI;
+
 use super::kind::Arithmetic;
 use super::{draine, henyey_greenstein, rayleigh, schlick};
 
@@ -49,6 +51,14 @@ impl Form {
 }
 
 impl Term {
+    /// Henyey and Greenstein's functions without their 1 − g², of directions that are multiplied each by its own g, of at most
+    /// `largest` either way.
+    pub(crate) fn of_scaled_directions(largest: f64) -> Term {
+        let steepness = henyey_greenstein::HenyeyGreenstein { g: largest }.steepness();
+        let form = Form::HenyeyGreenstein(henyey_greenstein::Form::SCALED);
+        Term { weight: (0.25 / PI) as f32, backward: false, form, steepness }
+    }
+
     /// The function of e², without the weight, and its derivative by e².
     #[inline(always)]
     pub(crate) fn value<N: Arithmetic>(&self, e2: N) -> (N, N) {

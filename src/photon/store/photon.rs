@@ -7,10 +7,10 @@ use crate::math::{DVec3, Vec3};
 pub struct Photon {
     /// Where it is, collided or landed.
     pub position: Vec3,
-    /// The unit direction it travelled in.
+    /// The unit direction it travelled in; where the phase function's mean cosine g varies over a medium, times g.
     pub direction: Vec3,
     /// Its flux \[W\] into the collision, already divided by the number of emitted photons, times
-    /// the albedo there; on a surface without that. On a flight, by volume and density these are what a medium scatters.
+    /// the albedo there, and times 1 − g² where g varies; on a surface without these. On a flight, by volume and density these are what a medium scatters.
     pub power: Vec3,
     /// Events between the light and this place, at most 255; 0 for light that came straight.
     pub events: u8,

@@ -191,7 +191,7 @@ impl Looking<'_, '_, '_> {
         let (phase, met) = at.phase(draw.arrival.direction);
         let asked = scene.light_choice(draw.emitter, &Receiver::around(point)) * draw.arrival.density;
         let met = if self.eye.straight_on() { 0.0 } else { met };
-        let scattering = medium.extinction * medium.albedo * (density * phase);
+        let scattering = medium.extinction * medium.albedo_at(point) * (density * phase);
         let mut weight = luggage.weight * scattering * draw.over(by_flight(draw.t), asked, met);
 
         // What passes from the light to the collision, and from there on.

@@ -97,14 +97,15 @@ impl<'s> Looking<'_, '_, 's> {
         luggage: &mut Luggage<Path>,
     ) -> ControlFlow<f64> {
         let range = (segment.a, segment.b);
-        if matches!(medium.emission, Emission::Uniform(_)) {
+        let is_even = medium.even_glow().is_some();
+        if is_even {
             self.glow(segment, medium, luggage);
         }
 
         // What voxels emit is met on the way.
         let rival = luggage.own.turn.rival(&self.eye.glows, segment.medium);
         let component = luggage.own.component(luggage.events, false) as usize;
-        let glows = matches!(medium.emission, Emission::BlackBody { .. });
+        let glows = !is_even && !matches!(medium.emission, Emission::None);
         let Context { stream, tally, .. } = &mut *self.context;
         let radiance = &mut self.sample.radiance[component];
         let weight = &mut luggage.weight;
@@ -159,7 +160,7 @@ impl<'s> Looking<'_, '_, 's> {
         let Some(t) = self.fly_to_peak((segment, peak), medium, &mut part) else { return };
 
         // What goes on there carries this much: roulette comes before light is asked for.
-        let mut carried = part.weight * medium.albedo * peak.share();
+        let mut carried = part.weight * medium.albedo_at(segment.ray.at(t)) * peak.share();
         let all = carried.max_element();
         if all <= 0.0 || !self.outlives(&mut carried, (part.own.share, true), segment.inside) {
             return;
@@ -217,14 +218,15 @@ impl<'s> Looking<'_, '_, 's> {
         let (ray, range, weight) = (segment.ray, (segment.a, segment.b), luggage.weight);
         let rival = luggage.own.turn.rival(&self.eye.glows, segment.medium);
         let stream = &mut *self.context.stream;
-        let radiance = match (&medium.emission, &rival) {
+        let radiance = match (medium.even_glow(), &rival) {
             _ if luggage.own.seeks == Seeks::Scattered => return,
-            (Emission::None, _) => return,
-            (Emission::Uniform(radiance), Some(rival)) => {
+            _ if matches!(medium.emission, Emission::None) => return,
+            (Some(radiance), Some(rival)) => {
                 // The share has no closed integral: one point, drawn as a collision.
                 let collision = transport::force(medium, ray, range, weight, stream).collision;
                 let Some((t, weight)) = collision else { return };
-                weight * (1.0 - medium.albedo) * *radiance * rival.share(ray.at(t))
+                let point = ray.at(t);
+                weight * (1.0 - medium.albedo_at(point)) * radiance * rival.share(point)
             }
             _ => {
                 let share = |p| rival.map_or(1.0, |rival| rival.share(p));

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use smallvec::SmallVec;
 
 use crate::Result;
-use crate::math::{Bounds, Rgb};
+use crate::math::{Bounds, DVec3, Rgb};
 use crate::medium::phase::{Mixture, Phase};
 use crate::medium::{Emission, Medium};
 use crate::scene::description as said;
@@ -114,19 +114,26 @@ fn sum(parts: &[&Medium]) -> Result<Medium, String> {
             "media may add up here to {name}, and only those of one density can so far: constant ones, or the same in the same place"
         ));
     }
-    let total = |part: fn(&Medium) -> Rgb| parts.iter().map(|medium| part(medium)).sum::<Rgb>();
-    let extinction = total(|medium| medium.extinction);
-    let scattering = total(scattering);
+    let extinction: Rgb = parts.iter().map(|medium| medium.extinction).sum();
+    if parts.iter().any(|medium| medium.is_mixed()) {
+        if parts.iter().all(|medium| std::ptr::eq(*medium, parts[0])) {
+            return Ok(Medium { name, extinction, ..parts[0].clone() });
+        }
+        return Err(format!(
+            "media may add up here to {name}, and one whose coefficients or phase function are grids adds to nothing but itself so far"
+        ));
+    }
+    let scattering = parts.iter().map(|medium| scattering(medium)).sum();
     let phase = mixed(parts, scattering).ok_or_else(|| {
         format!(
             "media may add up here to {name}, which scatter by other phase functions and in other colours: light of one channel would be turned otherwise than that of another, which cannot be so far"
         )
     })?;
     let emission = glow(parts, extinction - scattering).ok_or_else(|| {
-        format!("media may add up here to {name}, and a black body adds to nothing but itself so far")
+        format!("media may add up here to {name}, and a glow that varies adds to nothing but itself so far")
     })?;
-    let albedo = share(scattering, extinction);
-    Ok(Medium { name, extinction, albedo, phase, density: density.clone(), emission })
+    let albedo = share(scattering, extinction).into();
+    Ok(Medium { name, extinction, albedo, phase: phase.into(), density: density.clone(), emission })
 }
 
 /// By channel; 0 of nothing.
@@ -143,30 +150,29 @@ fn glow(parts: &[&Medium], absorption: Rgb) -> Option<Emission> {
     if glowing.peek().is_none() {
         return Some(Emission::None);
     }
-    let emitted = |medium: &&Medium| match medium.emission {
-        Emission::Uniform(radiance) => Some(medium.extinction * (Rgb::ONE - medium.albedo) * radiance),
-        Emission::None | Emission::BlackBody { .. } => None,
-    };
+    let emitted = |medium: &&Medium| medium.even_glow().map(|_| medium.emitted(DVec3::ZERO));
     let emitted = glowing.map(emitted).sum::<Option<Rgb>>()?;
     Some(Emission::Uniform(share(emitted, absorption)))
 }
 
+/// Of a medium whose albedo is the same everywhere.
 fn scattering(medium: &Medium) -> Rgb {
-    medium.extinction * medium.albedo
+    medium.extinction * medium.albedo_at(DVec3::ZERO)
 }
 
 /// The phase function of all scattering, `whole`, together; `None` if it differs by channel.
 fn mixed(parts: &[&Medium], whole: Rgb) -> Option<Phase> {
     let scattering_parts = || parts.iter().filter(|medium| scattering(medium) != Rgb::ZERO);
     let first = scattering_parts().next().or(parts.first())?;
-    if scattering_parts().all(|medium| medium.phase == first.phase) {
-        return Some(first.phase.clone());
+    let phase = first.phase.even()?;
+    if scattering_parts().all(|medium| medium.phase.even() == Some(phase)) {
+        return Some(phase.clone());
     }
     let lobes = scattering_parts().map(|medium| {
         let shares = scattering(medium) / whole;
         let shares = shares.to_array().into_iter().filter(|share| share.is_finite());
         let [least, most] = shares.fold([f64::INFINITY, 0.0], |[least, most], x| [x.min(least), x.max(most)]);
-        (most - least <= 1e-9).then(|| (most, medium.phase.clone()))
+        (most - least <= 1e-9).then(|| Some((most, medium.phase.even()?.clone()))).flatten()
     });
     Some(Mixture::new(lobes.collect::<Option<_>>()?).into())
 }

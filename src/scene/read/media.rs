@@ -6,35 +6,79 @@ use crate::medium::density::bricks::{Interpolation, NegativePolicy, Precision};
 use crate::medium::density::{Exponential, Noise};
 use crate::medium::phase::{HenyeyGreenstein, Isotropic, LARGEST_DIAMETER, Mixture, Phase, Rayleigh, Schlick, mie};
 use crate::medium::presets::PRESETS;
-use crate::scene::description::{Density, Medium, MediumEmission, Unit};
+use crate::scene::description::{Density, Medium, MediumEmission, MediumGrids, NamedGrid, Unit};
 use crate::scene::table::{Item, Read, Table};
+use crate::scene::tree::Value;
 
 pub(super) fn medium(name: &str, item: &Item, names: &Names, scene_unit: Unit) -> Read<Medium> {
     let table = item.table()?;
-    let phase = table.get_or("phase", Isotropic.into(), |item| phase(&item.table()?, false));
-    let mean_cosine = phase.as_ref().map_or(0.0, Phase::mean_cosine);
+    let phase = table.get_or("phase", (Isotropic.into(), None), phase_or_grid);
+    let mean_cosine = match &phase {
+        Ok((_, Some(_))) => None,
+        Ok((phase, None)) => Some(phase.mean_cosine()),
+        Err(_) => Some(0.0),
+    };
     let coefficients = coefficients(&table, mean_cosine, scene_unit);
     let even = (Density::Constant { value: 1.0 }, Precision::Full);
     let density = table.get_or("density", even, |item| density(&item.table()?, names));
     let adds = table.get_or("add", false, Item::boolean);
     let emission = table.get("emission", |item| emission(&item.table()?));
     table.finish()?;
-    let ((sigma_s, sigma_a), (density, precision), emission) = (coefficients?, density?, emission?);
-    if let (Some(MediumEmission::BlackBody { temperature, .. }), false) = (&emission, density.grids().is_some()) {
+    let ((sigma_s, sigma_a, grids), (density, precision), emission) = (coefficients?, density?, emission?);
+    let (name, (phase, mean_cosine), adds) = (name.to_owned(), phase?, adds?);
+    let grids = MediumGrids { mean_cosine, ..grids };
+    let medium =
+        Medium { name, sigma_s, sigma_a, grids, phase, density, precision, emission, adds, place: item.place() };
+    if let (Some(grid), None) = (medium.named_grids().next(), medium.density.grids()) {
         let message = "names a second grid of the density's file; expected a `density` of type \"vdb\"";
-        return Err(item.fail_about(&temperature.place, message));
+        return Err(item.fail_about(&grid.place, message));
     }
-    let (name, phase, adds) = (name.to_owned(), phase?, adds?);
-    Ok(Medium { name, sigma_s, sigma_a, phase, density, precision, emission, adds, place: item.place() })
+    Ok(medium)
+}
+
+/// What a number says, or a grid of the density's file.
+#[derive(Clone, PartialEq)]
+enum Said<T> {
+    Number(T),
+    Grid(NamedGrid),
+}
+
+/// Reads a number, or `{ grid = "NAME", scale = 1 }`.
+fn or_grid<'a, T>(item: &Item<'a>, number: impl FnOnce(&Item<'a>) -> Read<T>) -> Read<Said<T>> {
+    if !item.is_table() {
+        return Ok(Said::Number(number(item)?));
+    }
+    let table = item.table()?;
+    let name = table.require("grid", Item::located_string);
+    let scale = table.get_or("scale", 1.0, Item::non_negative);
+    table.finish()?;
+    Ok(Said::Grid(NamedGrid { name: name?, scale: scale? }))
+}
+
+/// A phase function, or a grid of Henyey and Greenstein's g.
+fn phase_or_grid(item: &Item) -> Read<(Phase, Option<NamedGrid>)> {
+    let table = item.table()?;
+    let is_hg = matches!(item.peek("type"), Some(Value::String(kind)) if kind == "hg");
+    if !is_hg || !matches!(item.peek("g"), Some(Value::Table(_))) {
+        return Ok((phase(&table, false)?, None));
+    }
+    table.require("type", Item::string)?;
+    let g = table.require("g", |item| or_grid(item, |item| item.between(-1.0, 1.0)));
+    table.finish()?;
+    match g? {
+        Said::Number(g) => Ok((HenyeyGreenstein { g }.into(), None)),
+        Said::Grid(grid) => Ok((Isotropic.into(), Some(grid))),
+    }
 }
 
 /// σ_s and σ_a per scene unit, scaled: given as such, a missing one being 0, or as extinction and albedo, or by
-/// the name of a measured medium, whose scattering depends on the phase function's mean cosine.
-fn coefficients(table: &Table, mean_cosine: f64, scene_unit: Unit) -> Read<(Rgb, Rgb)> {
-    let sigma_s = table.get("sigma_s", Item::colour);
-    let sigma_a = table.get("sigma_a", Item::colour);
+/// the name of a measured medium, whose scattering depends on the phase function's mean cosine, if that is known. Those that are
+/// grids are 0 and told beside them.
+fn coefficients(table: &Table, mean_cosine: Option<f64>, scene_unit: Unit) -> Read<(Rgb, Rgb, MediumGrids)> {
+    let sigma_s = table.get("sigma_s", |item| or_grid(item, Item::colour));
+    let sigma_a = table.get("sigma_a", |item| or_grid(item, Item::colour));
     let sigma_t = table.get("sigma_t", Item::colour);
-    let albedo = table.get("albedo", Item::share);
+    let albedo = table.get("albedo", |item| or_grid(item, Item::share));
     let preset = table.get("preset", |item| {
         let options = PRESETS.each_ref().map(|preset| (preset.name, preset));
         item.choice(&options, &[])
@@ -52,18 +96,40 @@ fn coefficients(table: &Table, mean_cosine: f64, scene_unit: Unit) -> Read<(Rgb,
         let message = "is given beside coefficients; expected only one of them (`scale` thins a preset or thickens it)";
         return Err(table.fail_at("preset", message));
     }
+    // Coefficients are per unit; a scene unit holds so many of these.
+    let unit = unit?.unwrap_or(preset.map(|_| Unit::Millimetre));
+    let factor = scale? * unit.map_or(1.0, |unit| scene_unit.metres() / unit.metres());
+    let mut grids = MediumGrids::default();
     let (sigma_s, sigma_a) = match given {
-        (None, None, None, None) => match preset {
-            Some(preset) => preset.coefficients(mean_cosine),
-            None => {
+        (None, None, None, None) => match (preset, mean_cosine) {
+            (Some(preset), Some(mean_cosine)) => preset.coefficients(mean_cosine),
+            (Some(_), None) => {
+                let message = "is given beside a grid of `g`, of which its scattering depends; expected a number";
+                return Err(table.fail_at("preset", message));
+            }
+            (None, _) => {
                 let expected = "`sigma_s` and `sigma_a`, or `sigma_t` and `albedo`, or a `preset`";
                 return Err(table.missing("", format!("has no coefficients; expected {expected}")));
             }
         },
-        (None, None, Some(sigma_t), Some(albedo)) => (sigma_t * albedo, sigma_t * (Rgb::ONE - albedo)),
+        (None, None, Some(sigma_t), Some(Said::Number(albedo))) => (sigma_t * albedo, sigma_t * (Rgb::ONE - albedo)),
+        (None, None, Some(sigma_t), Some(Said::Grid(albedo))) => {
+            grids.albedo = Some((sigma_t * factor, albedo));
+            (Rgb::ZERO, Rgb::ZERO)
+        }
         (None, None, Some(_), None) => return Err(table.missing("albedo", "is missing beside `sigma_t`")),
         (None, None, None, Some(_)) => return Err(table.missing("sigma_t", "is missing beside `albedo`")),
-        (sigma_s, sigma_a, None, None) => (sigma_s.unwrap_or(Rgb::ZERO), sigma_a.unwrap_or(Rgb::ZERO)),
+        (sigma_s, sigma_a, None, None) => {
+            let number = |said: Option<Said<Rgb>>, grid: &mut Option<NamedGrid>| match said {
+                None => Rgb::ZERO,
+                Some(Said::Number(sigma)) => sigma,
+                Some(Said::Grid(named)) => {
+                    *grid = Some(NamedGrid { scale: named.scale * factor, ..named });
+                    Rgb::ZERO
+                }
+            };
+            (number(sigma_s, &mut grids.sigma_s), number(sigma_a, &mut grids.sigma_a))
+        }
         (sigma_s, _, sigma_t, _) => {
             let here = if sigma_t.is_some() { "sigma_t" } else { "albedo" };
             let other = if sigma_s.is_some() { "sigma_s" } else { "sigma_a" };
@@ -72,14 +138,11 @@ fn coefficients(table: &Table, mean_cosine: f64, scene_unit: Unit) -> Read<(Rgb,
             return Err(table.fail_at(here, message));
         }
     };
-    // Coefficients are per unit; a scene unit holds so many of these.
-    let unit = unit?.unwrap_or(preset.map(|_| Unit::Millimetre));
-    let factor = scale? * unit.map_or(1.0, |unit| scene_unit.metres() / unit.metres());
     let (sigma_s, sigma_a) = (sigma_s * factor, sigma_a * factor);
-    if !(sigma_s + sigma_a).is_finite() {
+    if !(sigma_s + sigma_a).is_finite() || grids.albedo.as_ref().is_some_and(|(sigma_t, _)| !sigma_t.is_finite()) {
         return Err(table.fail("has coefficients that exceed the range of 64-bit numbers"));
     }
-    Ok((sigma_s, sigma_a))
+    Ok((sigma_s, sigma_a, grids))
 }
 
 /// A phase function; a lobe of a mixture is none itself and has a weight beside its own keys.
@@ -199,7 +262,14 @@ pub(super) fn noise_of(table: &Table, threshold: f64) -> Read<Noise> {
 }
 
 fn emission(table: &Table) -> Read<MediumEmission> {
-    let source = either(table, ("radiance", Item::colour), ("temperature", Item::located_string));
+    let grid = table.get("grid", Item::located_string);
+    let source = match grid {
+        Ok(None) => {
+            either(table, ("radiance", |item| or_grid(item, Item::colour)), ("temperature", Item::located_string))
+        }
+        Ok(Some(name)) => Ok(Either::First(Said::Grid(NamedGrid { name, scale: 1.0 }))),
+        Err(noted) => Err(noted),
+    };
     let scale = table.get_or("scale", 1.0, Item::non_negative);
     let kelvin_scale = table.get("kelvin_scale", Item::positive);
     table.finish()?;
@@ -208,7 +278,10 @@ fn emission(table: &Table) -> Read<MediumEmission> {
             Err(table
                 .fail_at("kelvin_scale", "has no meaning beside `radiance`; expected it beside `temperature` only"))
         }
-        (Either::First(radiance), None) => Ok(MediumEmission::Constant { radiance: radiance * scale? }),
+        (Either::First(Said::Number(radiance)), None) => Ok(MediumEmission::Constant { radiance: radiance * scale? }),
+        (Either::First(Said::Grid(grid)), None) => {
+            Ok(MediumEmission::Grid { radiance: NamedGrid { scale: grid.scale * scale?, ..grid } })
+        }
         (Either::Second(temperature), kelvin_scale) => {
             Ok(MediumEmission::BlackBody { temperature, kelvin_scale: kelvin_scale.unwrap_or(1.0), scale: scale? })
         }

@@ -21,7 +21,7 @@ pub(super) fn warnings(scene: &Description) -> Vec<String> {
 fn no_light(scene: &Description, warnings: &mut Vec<String>) {
     let lit = scene.lights.iter().any(shines)
         || scene.shapes.iter().any(|shape| shape.visible && emits(shape))
-        || scene.media.iter().any(|medium| glows(medium) && medium.sigma_a != Rgb::ZERO);
+        || scene.media.iter().any(|medium| glows(medium) && medium.may_absorb());
     if !lit {
         let path = scene.path.display();
         warnings.push(format!(
@@ -53,12 +53,13 @@ fn glows(medium: &Medium) -> bool {
     match &medium.emission {
         Some(MediumEmission::Constant { radiance }) => *radiance != Rgb::ZERO,
         Some(MediumEmission::BlackBody { scale, .. }) => *scale != 0.0,
+        Some(MediumEmission::Grid { radiance }) => radiance.scale != 0.0,
         None => false,
     }
 }
 
 fn cold_media(scene: &Description, warnings: &mut Vec<String>) {
-    for medium in scene.media.iter().filter(|medium| glows(medium) && medium.sigma_a == Rgb::ZERO) {
+    for medium in scene.media.iter().filter(|medium| glows(medium) && !medium.may_absorb()) {
         let place = &medium.place;
         warnings.push(format!(
             "{place}: has an emission but does not glow: what it emits is multiplied by sigma_a, which is 0"

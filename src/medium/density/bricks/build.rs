@@ -1,6 +1,6 @@
 //! Bricks from files, arrays and functions.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 
 use super::index::{BACKGROUND, CONSTANT, Index, Range, SparseIndex, dense_entry, lower_offset, upper_offset};
 use super::values::Values;
@@ -104,6 +104,57 @@ impl BrickGrid {
             let filled: Vec<[f32; 512]> = batch.par_iter().map(fill).collect();
             for (brick, values) in batch.iter().zip(&filled) {
                 builder.add_leaf(brick.map(|x| 8 * x), &[u64::MAX; 8], values);
+            }
+        }
+        builder.finish().map_err(Error::Limit)
+    }
+
+    /// Voxels that are a function of those of several grids, each given with its bricks, at the same place of index space.
+    ///
+    /// # Errors
+    /// As [`BrickGrid::from_vdb`] for values out of range.
+    pub fn from_grids(parts: &[(vdb::Grid, BrickGrid)], mut value: impl FnMut(&[f32]) -> f32) -> Result<BrickGrid> {
+        // Cubes within which something changes, by their lowest voxel: of 8³, 128³ and 4096³.
+        let mut split: [BTreeSet<[i32; 3]>; 3] = Default::default();
+        let mut roots = BTreeSet::new();
+        let within = |origin: [i32; 3], log2: u32| origin.map(|x| x >> log2 << log2);
+        for (grid, _) in parts {
+            let leaves = grid.leaves.iter().map(|leaf| (leaf.origin, 8));
+            for (origin, size) in leaves.chain(grid.tiles().map(|tile| (tile.origin, tile.size))) {
+                roots.insert(within(origin, 12));
+                for (split, (edge, log2)) in split.iter_mut().zip([(8, 3), (128, 7), (4096, 12)]) {
+                    if edge > size || size == 8 {
+                        split.insert(within(origin, log2));
+                    }
+                }
+            }
+        }
+        let backgrounds: Vec<f32> = parts.iter().map(|(_, voxels)| voxels.background).collect();
+        let mut builder = Builder::new(value(&backgrounds), NegativePolicy::Error);
+        let mut numbers = vec![0.0; parts.len()];
+        let mut at = |[i, j, k]: [i32; 3]| {
+            for (number, (_, voxels)) in numbers.iter_mut().zip(parts) {
+                *number = voxels.value_at(i, j, k);
+            }
+            value(&numbers)
+        };
+        let mut open: Vec<([i32; 3], i32)> = roots.into_iter().map(|root| (root, 4096)).collect();
+        while let Some((origin, size)) = open.pop() {
+            let (level, part) = match size {
+                8 => (0, 1),
+                128 => (1, 8),
+                _ => (2, 128),
+            };
+            if !split[level].contains(&origin) {
+                builder.add_tile(&vdb::Tile { origin, size, value: at(origin), active: true });
+            } else if size == 8 {
+                let local = |n: usize| [n >> 6, n >> 3 & 7, n & 7];
+                let values = std::array::from_fn(|n| at([0, 1, 2].map(|axis| origin[axis] + local(n)[axis] as i32)));
+                builder.add_leaf(origin, &[u64::MAX; 8], &values);
+            } else {
+                let along = |axis: usize| (origin[axis]..origin[axis] + size).step_by(part as usize);
+                let cubes = along(0).flat_map(|x| along(1).flat_map(move |y| along(2).map(move |z| [x, y, z])));
+                open.extend(cubes.map(|cube| (cube, part)));
             }
         }
         builder.finish().map_err(Error::Limit)

@@ -1,4 +1,4 @@
-//! OpenVDB files: float grids, read from the bytes up.
+//! OpenVDB files: grids of floats and of vectors of three, read from the bytes up.
 //!
 //! The format is that of OpenVDB's `io/Archive.cc`, `io/Compression.h` and `tree/*.h`, file versions
 //! 218 to 224. A file is a header and a list of grids; a grid is metadata, a map from index space to the
@@ -265,11 +265,24 @@ impl File {
     /// # Errors
     /// As [`File::read`]; also if there is no such index.
     pub fn read_at(&self, index: usize) -> Result<Grid> {
+        self.read_channels(index, (0, 1))
+    }
+
+    /// Reads one channel of the grid at `index` of [`File::grids`], one of [`GridInfo::channels`].
+    ///
+    /// # Errors
+    /// As [`File::read_at`], but not for grids of vectors.
+    pub fn read_channel(&self, index: usize, channel: usize) -> Result<Grid> {
+        let channels = self.grids.get(index).and_then(GridInfo::channels);
+        self.read_channels(index, (channel, channels.unwrap_or(1)))
+    }
+
+    fn read_channels(&self, index: usize, channels: (usize, usize)) -> Result<Grid> {
         let Some(info) = self.grids.get(index) else {
             return Err(Error::asset(&self.path, format!("holds {} grids, none at {index}", self.grids.len())));
         };
         let fail = |message: String| Error::asset(&self.path, format!("grid {:?}: {message}", info.name));
-        let tree = reader::read_tree(&self.bytes, self.version, info, &self.places[index]).map_err(fail)?;
+        let tree = reader::read_tree(&self.bytes, self.version, info, &self.places[index], channels).map_err(fail)?;
         let index_to_world = info.index_to_world.clone().map_err(fail)?;
         Ok(Grid {
             path: self.path.clone(),
@@ -280,6 +293,13 @@ impl File {
             leaves: tree.leaves,
             nodes: tree.nodes,
         })
+    }
+}
+
+impl GridInfo {
+    /// How many numbers each voxel has: one, or three of a grid of vectors; `None` for types that are not read.
+    pub fn channels(&self) -> Option<usize> {
+        reader::channels(&self.tree_type)
     }
 }
 
@@ -323,6 +343,23 @@ impl std::fmt::Display for GridClass {
 }
 
 impl Grid {
+    /// All values that are stored, each with the number of voxels that have it; inactive ones and the background are among them.
+    pub fn values(&self) -> impl Iterator<Item = (f32, u64)> + '_ {
+        let leaves = self.leaves.iter().flat_map(|leaf| leaf.values.iter().map(|value| (*value, 1)));
+        let tiles = self.tiles().map(|tile| (tile.value, (tile.size as u64).pow(3)));
+        leaves.chain(tiles).chain([(self.background, 1)])
+    }
+
+    /// With each value replaced.
+    pub fn map(mut self, value: impl Fn(f32) -> f32) -> Grid {
+        self.background = value(self.background);
+        let leaves = self.leaves.iter_mut().flat_map(|leaf| leaf.values.iter_mut());
+        for stored in leaves.chain(self.nodes.iter_mut().flat_map(|node| &mut node.values)) {
+            *stored = value(*stored);
+        }
+        self
+    }
+
     /// The tiles whose voxels are active or differ from the background.
     pub fn tiles(&self) -> impl Iterator<Item = Tile> + '_ {
         self.nodes.iter().flat_map(|node| {

@@ -13,6 +13,7 @@ const SELECTIVE_COMPRESSION: u32 = 220;
 const MASK_COMPRESSION: u32 = 222;
 
 const FLOAT_TREE: &str = "Tree_float_5_4_3";
+const VECTOR_TREE: &str = "Tree_vec3s_5_4_3";
 const HALF_SUFFIX: &str = "_HalfFloat";
 
 /// A file's header and grids.
@@ -116,12 +117,12 @@ pub(super) fn list(bytes: &[u8]) -> Parse<Listing> {
         if !has_offsets && number < count {
             if !parent.is_empty() {
                 end = data.position();
-            } else if info.tree_type == FLOAT_TREE {
-                end = read_tree(bytes, version, &info, &place).map_err(named)?.end;
+            } else if let Some(width) = channels(&info.tree_type) {
+                end = read_tree(bytes, version, &info, &place, (0, width)).map_err(named)?.end;
             } else {
                 return Err(format!(
                     "was streamed without grid offsets, and what follows grid {name:?} of type {stored_type} cannot be \
-                     found: save the file with offsets, or its float grids alone"
+                     found: save the file with offsets, or its float and vec3s grids alone"
                 ));
             }
         }
@@ -320,9 +321,24 @@ fn check_map(map: DAffine3) -> Parse<DAffine3> {
     Err(format!("its map takes the axes of index space to {x:?}, {y:?}, {z:?}: a voxel has no volume"))
 }
 
-/// Reads a tree with its voxels.
-pub(super) fn read_tree(bytes: &[u8], version: u32, info: &GridInfo, place: &Place) -> Parse<Tree> {
-    if info.tree_type != FLOAT_TREE {
+/// How many numbers each voxel of a tree of this type has; `None` for types that are not read.
+pub(super) fn channels(tree_type: &str) -> Option<usize> {
+    match tree_type {
+        FLOAT_TREE => Some(1),
+        VECTOR_TREE => Some(3),
+        _ => None,
+    }
+}
+
+/// Reads a tree with its voxels: one channel of so many.
+pub(super) fn read_tree(
+    bytes: &[u8],
+    version: u32,
+    info: &GridInfo,
+    place: &Place,
+    (channel, width): (usize, usize),
+) -> Parse<Tree> {
+    if channels(&info.tree_type) != Some(width) {
         let kind = info.tree_type.strip_prefix("Tree_").and_then(|kind| kind.strip_suffix("_5_4_3"));
         return Err(match kind {
             Some("float") | None => format!("its tree is a {:?}, expected {FLOAT_TREE}", info.tree_type),
@@ -335,8 +351,11 @@ pub(super) fn read_tree(bytes: &[u8], version: u32, info: &GridInfo, place: &Pla
         version,
         half: place.half,
         compression: place.compression,
+        width,
+        channel,
         background: 0.0,
         decoder: Decoder::new(),
+        wide: Vec::new(),
         packed: Vec::new(),
         topology: Vec::new(),
         nodes: Vec::new(),
@@ -351,9 +370,14 @@ struct TreeReader<'a> {
     version: u32,
     half: bool,
     compression: u32,
+    /// Numbers to a voxel, and which of them is read.
+    width: usize,
+    channel: usize,
     background: f32,
     decoder: Decoder,
     packed: Vec<f32>,
+    /// All numbers of a node's voxels.
+    wide: Vec<f32>,
     /// Origin and active mask of each leaf, in the order their voxels are stored.
     topology: Vec<([i32; 3], [u64; 8])>,
     nodes: Vec<TileNode>,
@@ -365,13 +389,13 @@ impl TreeReader<'_> {
         if buffers != 1 {
             return Err(format!("its tree has {buffers} buffers, expected 1"));
         }
-        self.background = self.at.f32("the background")?;
+        self.background = self.value("the background")?;
         let tile_count = self.at.u32("the number of root tiles")?;
         let child_count = self.at.u32("the number of root nodes")?;
         let mut origins = Vec::new();
         for _ in 0..tile_count {
             let origin = self.root_origin()?;
-            let value = self.at.f32("a root tile")?;
+            let value = self.value("a root tile")?;
             let active = self.at.u8("a root tile")? != 0;
             origins.push(origin);
             if active || value != self.background {
@@ -471,11 +495,36 @@ impl TreeReader<'_> {
             for _ in 1..buffers {
                 // Auxiliary values of old writers.
                 let mut unused = [0.0; 512];
-                self.decoder.read(&mut self.at, &mut unused, self.half, self.compression & ZIP)?;
+                self.read_values(&mut unused, self.compression & ZIP)?;
             }
             leaves.push(Leaf { origin, active, values });
         }
         Ok(leaves)
+    }
+
+    /// Reads one voxel's number.
+    fn value(&mut self, what: &str) -> Parse<f32> {
+        let mut value = 0.0;
+        for channel in 0..self.width {
+            let number = self.at.f32(what)?;
+            if channel == self.channel {
+                value = number;
+            }
+        }
+        Ok(value)
+    }
+
+    /// Reads a block of voxels' numbers.
+    fn read_values(&mut self, out: &mut [f32], compression: u32) -> Parse<()> {
+        if self.width == 1 {
+            return self.decoder.read(&mut self.at, out, self.half, compression);
+        }
+        self.wide.resize(self.width * out.len(), 0.0);
+        self.decoder.read(&mut self.at, &mut self.wide, self.half, compression)?;
+        for (value, numbers) in out.iter_mut().zip(self.wide.chunks_exact(self.width)) {
+            *value = numbers[self.channel];
+        }
+        Ok(())
     }
 
     /// Reads the values of a node, with the inactive ones as stored, implied or background.
@@ -496,21 +545,23 @@ impl TreeReader<'_> {
         }
         let mut inactive = [if kind == NONE { self.background } else { -self.background }, self.background];
         if matches!(kind, ONE | MASK_AND_ONE | MASK_AND_TWO) {
-            inactive[0] = self.at.f32("an inactive value")?;
+            inactive[0] = self.value("an inactive value")?;
         }
         if kind == MASK_AND_TWO {
-            inactive[1] = self.at.f32("an inactive value")?;
+            inactive[1] = self.value("an inactive value")?;
         }
         let mut selection: &[u8] = &[];
         if matches!(kind, MASK | MASK_AND_ONE | MASK_AND_TWO) {
             selection = self.at.take(out.len() / 8, "the mask of inactive values")?;
         }
         if self.compression & ACTIVE_MASK == 0 || kind == ALL {
-            return self.decoder.read(&mut self.at, out, self.half, self.compression);
+            return self.read_values(out, self.compression);
         }
         let count = active.iter().map(|word| word.count_ones() as usize).sum();
-        self.packed.resize(count, 0.0);
-        self.decoder.read(&mut self.at, &mut self.packed, self.half, self.compression)?;
+        let mut packed = std::mem::take(&mut self.packed);
+        packed.resize(count, 0.0);
+        self.read_values(&mut packed, self.compression)?;
+        self.packed = packed;
         let mut packed = self.packed.iter();
         for (n, value) in out.iter_mut().enumerate() {
             *value = if active[n >> 6] >> (n & 63) & 1 != 0 {
