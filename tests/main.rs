@@ -12,6 +12,7 @@ mod closed_forms;
 mod compare;
 mod determinism;
 mod figures;
+mod grids;
 mod indirect;
 mod kinds;
 mod light_tracing;

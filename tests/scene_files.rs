@@ -579,7 +579,7 @@ const MISTAKES: &[(&str, &str, &str)] = &[
         "media.a.emission.temperature",
         "expected a `density` of type \"vdb\"",
     ),
-    ("[media.a]\nsigma_a = 1\nemission = ‸{}\n", "media.a.emission", "needs `radiance` or `temperature`"),
+    ("[media.a]\nsigma_a = 1\nemission = ‸{}\n", "media.a.emission", "needs `radiance`, `temperature` or `grid`"),
     ("[media.a]\nsigma_a = 1\nphase = ‸{ g = 0 }\n", "media.a.phase.type", "is missing"),
     (
         "[media.a]\nsigma_a = 1\ndensity = { type = \"array\", file = ‸\"a.vdb\", min = [0, 0, 0], max = [1, 1, 1] }\n",

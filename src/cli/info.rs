@@ -127,16 +127,23 @@ fn vdb_facts(path: &Path) -> Result<Value> {
             }
             Err(why) => add("index_to_world", json!(why)),
         }
-        match file.read_at(index) {
-            Ok(grid) => {
-                let statistics = grid.statistics();
-                add("active_voxels", json!(statistics.active_voxels));
-                if let Some((low, high)) = statistics.bounds {
+        let channels =
+            (0..info.channels().unwrap_or(1)).map(|channel| Ok(file.read_channel(index, channel)?.statistics()));
+        match channels.collect::<Result<Vec<vdb::Statistics>>>().as_deref() {
+            Ok([]) => {}
+            Ok(statistics @ [first, ..]) => {
+                // A number, or one for each channel.
+                let each = |number: fn(&vdb::Statistics) -> Value| match statistics {
+                    [only] => number(only),
+                    channels => Value::Array(channels.iter().map(number).collect()),
+                };
+                add("active_voxels", json!(first.active_voxels));
+                if let Some((low, high)) = first.bounds {
                     add("bounds", json!([low, high]));
-                    add("sum", json!(statistics.sum));
-                    add("minimum", json!(statistics.min));
-                    add("maximum", json!(statistics.max));
-                    add("mean", json!(statistics.sum / statistics.active_voxels as f64));
+                    add("sum", each(|channel| json!(channel.sum)));
+                    add("minimum", each(|channel| json!(channel.min)));
+                    add("maximum", each(|channel| json!(channel.max)));
+                    add("mean", each(|channel| json!(channel.sum / channel.active_voxels as f64)));
                 }
             }
             Err(error) => add("values", json!(error.to_string())),

@@ -203,7 +203,7 @@ fn view(dice: &mut Dice, world: &World) -> (Vec<EyeSegment>, Option<Fan>) {
 
 /// What one ray gathers by itself from `a` to `b`, all depths known.
 fn alone(world: &World, map: &PhotonMap, segment: &EyeSegment, (a, b): (f64, f64)) -> [f64; 3] {
-    let (phase, mut table) = (PhaseLanes::new(world.medium.phase.clone()), DepthTable::new());
+    let (phase, mut table) = (PhaseLanes::new(world.medium.phase.even().expect("one").clone()), DepthTable::new());
     let ray = &segment.ray;
     let end = map.bounds().clip(ray, a, b).map_or(a, |(_, end)| end);
     table.tabulate(&world.medium, ray, (a, end));

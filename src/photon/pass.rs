@@ -247,8 +247,9 @@ mod tests {
                 let ray = Ray::new(middle, sampling::sphere(stream.uniform2()));
                 let passed = [0.0, 0.8, 1.5].map(|t| medium.transmittance(medium.density.depth(&ray, 0.0, t)));
                 for (shell, expected) in expected.iter_mut().enumerate() {
-                    *expected +=
-                        (passed[shell] - passed[shell + 1]) * medium.albedo * (8.0 * PI / f64::from(directions));
+                    *expected += (passed[shell] - passed[shell + 1])
+                        * medium.albedo_at(DVec3::ZERO)
+                        * (8.0 * PI / f64::from(directions));
                 }
             }
             let mut found = [Rgb::ZERO; 2];

@@ -88,7 +88,7 @@ impl<'d> Source<'d> {
         }
         match wrong {
             0 => Ok(()),
-            _ => Err(self.fault(format!("{wrong} values are out of range, as {worst}; expected {expected}"))),
+            _ => Err(self.fault(format!("{wrong} values are out of range, the worst {worst}; expected {expected}"))),
         }
     }
 }

@@ -1,6 +1,6 @@
 //! `[media.*]`
 
-use super::{Either, Names, all, either, transform::transform};
+use super::{Names, all, transform::transform};
 use crate::math::{DAffine3, DVec3, Rgb};
 use crate::medium::density::bricks::{Interpolation, NegativePolicy, Precision};
 use crate::medium::density::{Exponential, Noise};
@@ -262,28 +262,28 @@ pub(super) fn noise_of(table: &Table, threshold: f64) -> Read<Noise> {
 }
 
 fn emission(table: &Table) -> Read<MediumEmission> {
+    let radiance = table.get("radiance", Item::colour);
+    let temperature = table.get("temperature", Item::located_string);
     let grid = table.get("grid", Item::located_string);
-    let source = match grid {
-        Ok(None) => {
-            either(table, ("radiance", |item| or_grid(item, Item::colour)), ("temperature", Item::located_string))
-        }
-        Ok(Some(name)) => Ok(Either::First(Said::Grid(NamedGrid { name, scale: 1.0 }))),
-        Err(noted) => Err(noted),
-    };
     let scale = table.get_or("scale", 1.0, Item::non_negative);
     let kelvin_scale = table.get("kelvin_scale", Item::positive);
     table.finish()?;
-    match (source?, kelvin_scale?) {
-        (Either::First(_), Some(_)) => {
-            Err(table
-                .fail_at("kelvin_scale", "has no meaning beside `radiance`; expected it beside `temperature` only"))
+    let (scale, kelvin_scale) = (scale?, kelvin_scale?);
+    let emission = match (radiance?, temperature?, grid?) {
+        (Some(radiance), None, None) => MediumEmission::Constant { radiance: radiance * scale },
+        (None, Some(temperature), None) => {
+            let kelvin_scale = kelvin_scale.unwrap_or(1.0);
+            return Ok(MediumEmission::BlackBody { temperature, kelvin_scale, scale });
         }
-        (Either::First(Said::Number(radiance)), None) => Ok(MediumEmission::Constant { radiance: radiance * scale? }),
-        (Either::First(Said::Grid(grid)), None) => {
-            Ok(MediumEmission::Grid { radiance: NamedGrid { scale: grid.scale * scale?, ..grid } })
+        (None, None, Some(name)) => MediumEmission::Grid { radiance: NamedGrid { name, scale } },
+        (None, None, None) => return Err(table.missing("", "needs `radiance`, `temperature` or `grid`")),
+        (Some(_), ..) => {
+            return Err(table.fail_at("radiance", "is given beside another source; expected only one of them"));
         }
-        (Either::Second(temperature), kelvin_scale) => {
-            Ok(MediumEmission::BlackBody { temperature, kelvin_scale: kelvin_scale.unwrap_or(1.0), scale: scale? })
-        }
+        (None, ..) => return Err(table.fail_at("grid", "`temperature` is given too; expected only one of them")),
+    };
+    match kelvin_scale {
+        None => Ok(emission),
+        Some(_) => Err(table.fail_at("kelvin_scale", "has no meaning here; expected it beside `temperature` only")),
     }
 }
