@@ -93,7 +93,7 @@ impl<'d> Source<'d> {
     }
 }
 
-/// `, with its scale of …`, if it has one.
+/// Says of which scale values are, if they have one.
 fn scaled(grid: &NamedGrid) -> String {
     if grid.scale == 1.0 { String::new() } else { format!(" after its scale of {}", grid.scale) }
 }
