@@ -402,8 +402,8 @@ fn spread_rays_gather_from_fewer_photons() {
     let medium = Medium {
         name: String::new(),
         extinction: Rgb::splat(0.3),
-        albedo: Rgb::ONE,
-        phase: Phase::Isotropic(Isotropic),
+        albedo: Rgb::ONE.into(),
+        phase: Phase::Isotropic(Isotropic).into(),
         density: Density::Uniform,
         emission: Emission::None,
     };

@@ -197,6 +197,14 @@ impl Phases {
         }
     }
 
+    /// The greatest mean cosine that it has anywhere, forward or backward.
+    pub fn greatest_cosine(&self) -> f64 {
+        match self {
+            Phases::Even(phase) => phase.mean_cosine().abs(),
+            Phases::HenyeyGreenstein(asymmetry) => asymmetry.largest,
+        }
+    }
+
     /// The value per steradian at the point `p` for light that travelled along `before` and goes on along `after`.
     pub fn value(&self, p: DVec3, before: DVec3, after: DVec3) -> f64 {
         match self {

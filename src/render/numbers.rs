@@ -72,7 +72,7 @@ pub fn neighbours(scene: &Scene, photons: u64) -> u32 {
         (ONE_NEIGHBOUR_IN, UNEVEN_NEIGHBOURS)
     } else {
         let cosines =
-            scene.media.iter().filter(|medium| medium.scatters()).map(|medium| medium.phase.mean_cosine().abs());
+            scene.media.iter().filter(|medium| medium.scatters()).map(|medium| medium.phase.greatest_cosine());
         let broad = 1.0 - cosines.fold(0.0, f64::max);
         let growth = (photons as f64 / FEWEST as f64).sqrt().min(1.0);
         return ((NEIGHBOURS * broad).max(FEWEST_NEIGHBOURS) * growth).ceil() as u32;
