@@ -11,6 +11,8 @@ mod cli;
 mod closed_forms;
 mod compare;
 mod determinism;
+#[cfg(feature = "cli")]
+mod faults;
 mod figures;
 mod grids;
 mod indirect;

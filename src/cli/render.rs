@@ -59,6 +59,9 @@ pub struct Arguments {
     /// Keeps finished passes in this file, for --resume and `volpm merge`: now and then, on Ctrl-C, and in the end.
     #[arg(long, value_name = "FILE")]
     checkpoint: Option<PathBuf>,
+    /// How long it takes until --checkpoint is written again: 90s, 10m. Writing never takes more than a twentieth of the time.
+    #[arg(long, value_name = "TIME", default_value = "30s", value_parser = values::time, requires = "checkpoint")]
+    checkpoint_every: Duration,
     /// Goes on from a checkpoint of the same scene: passes that it holds are not repeated.
     #[arg(long, value_name = "FILE")]
     resume: Option<PathBuf>,
@@ -153,7 +156,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             start_from = Some((film, stats));
         }
         if let Some(path) = &arguments.checkpoint {
-            watch.checkpoint(path.clone(), subject);
+            if arguments.resume.as_ref() != Some(path) {
+                check_replaceable(path, &subject)?;
+            }
+            watch.checkpoint(path.clone(), subject, arguments.checkpoint_every);
         }
     }
     #[cfg(feature = "tev")]
@@ -235,6 +241,26 @@ fn limits(arguments: &Arguments) -> Limits {
         memory: arguments.memory,
         resumable: arguments.checkpoint.is_some(),
         shown: None,
+    }
+}
+
+/// Checks that a checkpoint at `path` would replace nothing but one of the same scene.
+fn check_replaceable(path: &Path, subject: &Subject) -> Result<()> {
+    if !path.exists() {
+        return Ok(());
+    }
+    let difference = match Checkpoint::read(path) {
+        Ok(before) => {
+            before.subject.difference(subject).map(|how| format!("is of another scene or other settings: {how}"))
+        }
+        Err(Error::Asset { message, .. }) => Some(format!("cannot be used: {message}")),
+        Err(error) => return Err(error),
+    };
+    match difference {
+        Some(what) => {
+            Err(Error::output(path, format!("the checkpoint there {what}; name another file, or remove this one")))
+        }
+        None => Ok(()),
     }
 }
 

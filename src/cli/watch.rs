@@ -12,8 +12,6 @@ use crate::image::{self, ToneSettings};
 use crate::render::checkpoint::{self, Subject};
 use crate::render::{Film, Progress, Stats};
 
-/// Between two checkpoints.
-const CHECKPOINTS: Duration = Duration::from_secs(30);
 /// Between two pictures.
 const PICTURES: Duration = Duration::from_secs(1);
 /// Nothing takes more than one part in so many of the time.
@@ -78,9 +76,9 @@ impl Watch {
         self.outputs.get_mut().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 
-    /// Writes checkpoints to `path`.
-    pub fn checkpoint(&mut self, path: PathBuf, subject: Subject) {
-        self.outputs().checkpoint = Some(Repeated::new((path, subject), CHECKPOINTS));
+    /// Writes checkpoints to `path`, so far apart at least.
+    pub fn checkpoint(&mut self, path: PathBuf, subject: Subject, apart: Duration) {
+        self.outputs().checkpoint = Some(Repeated::new((path, subject), apart));
     }
 
     /// Writes pictures to `path`.
