@@ -36,6 +36,8 @@ pub struct Shot {
     pub image: Image,
     /// Without what is seen in mirrors and through boundaries.
     pub spread: Image,
+    /// Without what the camera sees shine: what photons may have to do with.
+    pub sent: Image,
     /// Its seed.
     pub seed: u64,
     /// What it cost.
@@ -60,6 +62,11 @@ impl Series {
     /// That without what is seen in mirrors and through boundaries.
     pub fn spread(&self) -> Blocks {
         Blocks::of(self.shots.iter().map(|shot| &shot.spread), BLOCK)
+    }
+
+    /// That without what the camera sees shine.
+    pub fn sent(&self) -> Blocks {
+        Blocks::of(self.shots.iter().map(|shot| &shot.sent), BLOCK)
     }
 }
 
@@ -117,19 +124,22 @@ impl<'a> Bench<'a> {
             return Ok(None);
         }
         let image = rendering.film.image();
-        let mut spread = Image::new(image.width, image.height);
-        for layer in rendering.film.layers() {
-            let LayerData::Rgb(values) = &layer.channels else { continue };
-            let mut counted = Component::ALL.iter().filter(|component| **component != Component::Specular);
-            if !counted.any(|component| component.name() == layer.name) {
-                continue;
+        let layers = rendering.film.layers();
+        let all_but = |left_out: Component| {
+            let mut sum = Image::new(image.width, image.height);
+            for layer in &layers {
+                let LayerData::Rgb(values) = &layer.channels else { continue };
+                let mut counted = Component::ALL.iter().filter(|component| **component != left_out);
+                if counted.any(|component| component.name() == layer.name) {
+                    let values = values.as_flattened().iter();
+                    sum.pixels.as_flattened_mut().iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
+                }
             }
-            for (sum, value) in spread.pixels.as_flattened_mut().iter_mut().zip(values.as_flattened()) {
-                *sum += value;
-            }
-        }
+            sum
+        };
+        let (spread, sent) = (all_but(Component::Specular), all_but(Component::Emission));
         let (stats, warnings) = (rendering.stats, rendering.warnings);
-        Ok(Some(Shot { image, spread, seed: settings.render.seed, stats, warnings }))
+        Ok(Some(Shot { image, spread, sent, seed: settings.render.seed, stats, warnings }))
     }
 
     /// Takes fewer samples for each picture, where as many take long: the more pictures, the surer is their spread.

@@ -64,6 +64,16 @@ impl Blocks {
         self.grey(self.count().saturating_sub(1)).value / 3.0
     }
 
+    /// By how much one picture's blocks are off: the root of the mean square over blocks, of the mean of channels.
+    pub fn noise(&self) -> f64 {
+        let last = self.count().saturating_sub(1);
+        let square = |block| {
+            let Mean { variance, count, .. } = self.grey(block);
+            variance * count
+        };
+        ((0..last).map(square).sum::<f64>() / last.max(1) as f64).sqrt() / 3.0
+    }
+
     /// This less others, seed by seed.
     pub fn less(&self, others: &Blocks) -> Blocks {
         let less = |(a, b): (&[f64; 3], &[f64; 3])| [0, 1, 2].map(|c| a[c] - b[c]);

@@ -201,17 +201,6 @@ impl Blurred<'_> {
         let mean = (0..last).map(square).sum::<f64>() / last.max(1) as f64;
         mean.max(0.0).sqrt() / (3.0 * self.wide.level())
     }
-
-    /// The noise of one picture's blocks as a share of its light: the root of the mean square.
-    pub fn noise(&self) -> f64 {
-        let last = self.wide.count() - 1;
-        let square = |block| {
-            let Mean { variance, count, .. } = self.wide.grey(block);
-            variance * count
-        };
-        let mean = (0..last).map(square).sum::<f64>() / last.max(1) as f64;
-        mean.sqrt() / (3.0 * self.wide.level())
-    }
 }
 
 /// Compares a biased estimator with an unbiased one: their difference is to lie within the declared bias and what noise explains.

@@ -182,6 +182,8 @@ pub fn quality(bench: &Bench<'_>, own: &Variant) -> Vec<Row> {
     let Some((wide, narrow)) = &own.series else {
         return vec![Row::not_applicable(BLUR, "there was no time for enough pictures: allow more --time")];
     };
+    // A lamp that the camera sees, smaller than a pixel, is noise of its samples, and no photons' fault.
+    let sent = wide.sent();
     let (wide, narrow) = (wide.blocks(), narrow.blocks());
     if wide.level() <= 0.0 {
         return vec![Row::not_applicable(BLUR, "photons find no light")];
@@ -196,7 +198,7 @@ pub fn quality(bench: &Bench<'_>, own: &Variant) -> Vec<Row> {
     let more = if wanted > 0 { wanted as f64 / traced as f64 } else { 1.0 };
     let fixed = own.wide.volume.kernel == Kernel::Fixed && own.wide.volume.radius.is_some();
     let third = if fixed { 1.0 } else { more.powf(-1.0 / 3.0) };
-    let (blur, noise) = (photons.blur(), photons.noise());
+    let (blur, noise) = (photons.blur(), sent.noise() / wide.level());
     let of = if more > 1.0 { format!(", by maps of {traced} photons for one of {wanted}") } else { String::new() };
     let limited = |test: &str, [least, most]: [f64; 2], limit: f64, what: &str| {
         let outcome = match (least > limit, most > limit) {
