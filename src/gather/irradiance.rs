@@ -95,7 +95,8 @@ impl Cells {
 /// How records are spaced.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Spacing {
-    /// As far as second derivatives let the irradiance be off by this share.
+    /// So that second derivatives let all records be off by as much, summed over the area where one counts: one as wide as the largest by this
+    /// share at its edge, smaller ones by more (Schwarzhaupt et al. 2012).
     Hessian(f64),
     /// This share of the harmonic mean of the distances around (Ward, Rubinstein and Clear 1988).
     SplitSphere(f64),
@@ -114,7 +115,7 @@ pub struct Record {
     /// How the irradiance changes along the tangent plane, by channel.
     gradients: [DVec3; 3],
     /// The least that the radii are shortened to.
-    shortest: f64,
+    shortest: [f64; 2],
     /// The standard error of the irradiance's luminance, were the rays independent.
     noise: f64,
 }
@@ -128,15 +129,39 @@ const REACH: f64 = 1.5;
 /// What is at infinity is at this many times the largest radius for the mesh.
 const FAR: f64 = 1e3;
 
+/// How small and how large records may be.
+#[derive(Clone, Copy, Debug)]
+pub struct Limits {
+    /// Half axes of an ellipse that a record covers at least,
+    pub least: [DVec3; 2],
+    /// and the largest radius.
+    pub most: f64,
+}
+
+impl Limits {
+    /// What is seen of a surface with this normal along `view` by a cone so wide: the lower it is looked at, the longer.
+    pub fn seen(width: f64, normal: DVec3, view: DVec3, most: f64) -> Limits {
+        let cos = view.dot(normal).abs();
+        let along = (view - view.dot(normal) * normal).try_normalize().unwrap_or(Frame::around(normal).x);
+        let [length, width] = [width / cos, width].map(|radius| if radius < most { radius } else { most });
+        Limits { least: [length * along, width * normal.cross(along)], most }
+    }
+
+    /// How far the least ellipse reaches along a unit vector of its plane.
+    fn least_along(&self, unit: DVec3) -> f64 {
+        self.least[0].dot(unit).hypot(self.least[1].dot(unit))
+    }
+}
+
 impl Record {
-    /// From what the rays of all cells have found, around a shading normal; `limits` are the least and largest radius.
+    /// From what the rays of all cells have found, around a shading normal.
     pub fn new(
         point: DVec3,
         frame: &Frame,
         cells: Cells,
         found: &[Gathering],
         spacing: Spacing,
-        limits: (f64, f64),
+        limits: &Limits,
     ) -> Record {
         let each = PI / cells.count() as f64;
         let mut vectors = [DVec3::ZERO; 3];
@@ -153,7 +178,7 @@ impl Record {
 
         // Derivatives along the tangent plane.
         let means = means(cells, found);
-        let mesh = Mesh { cells, found: &means, frame, far: FAR * limits.1 };
+        let mesh = Mesh { cells, found: &means, frame, far: FAR * limits.most };
         let Derivatives { gradients, hessian } = mesh.derivatives();
         let irradiance = luminance(Rgb::from_array(vectors.map(|vector| vector.dot(frame.z)))).max(0.0);
 
@@ -161,8 +186,9 @@ impl Record {
         let (axis, radii) = match spacing {
             Spacing::Hessian(error) => {
                 let (axis, curvatures) = eigen(hessian);
-                // |½ λ r²| = ε E at the rim.
-                (axis, curvatures.map(|curvature| (2.0 * error * irradiance / curvature.abs()).sqrt()))
+                // Where |½ λ r²| = ε E; of that and the largest radius the geometric mean, which makes errors summed over areas alike.
+                let within = |curvature: f64| (2.0 * error * irradiance / curvature.abs()).sqrt();
+                (axis, curvatures.map(|curvature| (within(curvature) * limits.most).sqrt()))
             }
             Spacing::SplitSphere(share) => {
                 let mean = cells.count() as f64 / inverse;
@@ -173,16 +199,19 @@ impl Record {
         let slope = luminance_of(&gradients).length();
         let radii = radii.map(|radius| radius.min(irradiance / slope));
         let x = axis[0] * frame.x + axis[1] * frame.y;
-        // Where it is dark, no error matters; what is not a number is not to be trusted.
-        let radii = radii.map(|radius| if radius >= limits.0 { radius.min(limits.1) } else { limits.0 });
         let frame = Frame { x, y: frame.z.cross(x), z: frame.z };
+        // Where it is dark, no error matters; what is not a number is not to be trusted.
+        let shortest = [frame.x, frame.y].map(|axis| limits.least_along(axis));
+        let within = |radius: f64, least: f64| if radius >= least { radius.min(limits.most) } else { least };
+        let radii = [within(radii[0], shortest[0]), within(radii[1], shortest[1])];
         let noise = (squares - irradiance * irradiance / found.len() as f64).max(0.0).sqrt();
-        Record { point, frame, radii, vectors, gradients, shortest: limits.0, noise }
+        Record { point, frame, radii, vectors, gradients, shortest, noise }
     }
 
     /// The record with all radii `scale` times as long.
     pub fn scaled(self, scale: f64) -> Record {
-        Record { radii: self.radii.map(|radius| radius * scale), shortest: self.shortest * scale, ..self }
+        let scaled = |radii: [f64; 2]| radii.map(|radius| scale * radius);
+        Record { radii: scaled(self.radii), shortest: scaled(self.shortest), ..self }
     }
 
     /// Shortens the radii if what it tells of the place of another is farther off what that says than it may be: by `error` at the
@@ -197,7 +226,9 @@ impl Record {
         let off = (luminance(self.irradiance(other.point, other.frame.z)) - said).abs() - self.noise - other.noise;
         let ratio = off / (said * error * distance * distance);
         if ratio > 1.0 {
-            self.radii = self.radii.map(|radius| (radius / ratio.sqrt()).max(self.shortest.min(radius)));
+            for (radius, shortest) in self.radii.iter_mut().zip(self.shortest) {
+                *radius = (*radius / ratio.sqrt()).max(shortest.min(*radius));
+            }
         }
     }
 
@@ -520,6 +551,7 @@ mod tests {
         let radiance = |w: DVec3| if w.dot(lamp) > (1.0 - sin2).sqrt() { bright + even } else { even };
         let expected = PI * (bright * sin2 * lamp.z + even);
         let frame = Frame { x: DVec3::X, y: DVec3::Y, z: DVec3::Z };
+        let limits = Limits { least: [1e-3 * frame.x, 1e-3 * frame.y], most: 10.0 };
         let mut stream = Stream::new(6, Purpose::Test, 0, 0);
         let mut of = |cells: Cells, by_flux: u32, wrong: f64| {
             let (mut sum, mut squares) = (0.0, 0.0);
@@ -539,7 +571,7 @@ mod tests {
                     Gathering { direction, radiance: Rgb::splat(radiance(direction)), distance: 1.0, cell, of }
                 };
                 let found: Vec<Gathering> = rays.iter().enumerate().flat_map(through).map(gather).collect();
-                let record = Record::new(DVec3::ZERO, &frame, cells, &found, Spacing::Hessian(0.1), (1e-3, 10.0));
+                let record = Record::new(DVec3::ZERO, &frame, cells, &found, Spacing::Hessian(0.1), &limits);
                 let irradiance = record.irradiance(DVec3::ZERO, DVec3::Z).x;
                 (sum, squares) = (sum + irradiance, squares + irradiance * irradiance);
             }
@@ -568,6 +600,7 @@ mod tests {
         };
         let (x, cells) = (0.6, Cells { rings: 64, sectors: 200 });
         let frame = Frame { x: DVec3::X, y: DVec3::Y, z: DVec3::Z };
+        let limits = Limits { least: [1e-3 * frame.x, 1e-3 * frame.y], most: 1.0 };
         let gather = |index: usize| {
             let direction = cells.direction(index, &frame, [0.5; 2]);
             let end = DVec3::X * x + direction / direction.z;
@@ -582,7 +615,7 @@ mod tests {
             }
         };
         let found: Vec<Gathering> = (0..cells.count()).map(gather).collect();
-        let record = Record::new(DVec3::X * x, &frame, cells, &found, Spacing::Hessian(0.1), (1e-3, 10.0));
+        let record = Record::new(DVec3::X * x, &frame, cells, &found, Spacing::Hessian(0.1), &limits);
         let tilted = DVec3::new(0.1, 0.0, 1.0).normalize();
         for (what, expected, at, normal, precision) in [
             ("there", square(x, DVec3::Z), x, DVec3::Z, 0.005),
@@ -592,8 +625,8 @@ mod tests {
             let found = record.irradiance(DVec3::X * at, normal).x;
             assert!((found / expected - 1.0).abs() < precision, "{what}: {found}, not {expected}");
         }
-        // Off by a tenth at the end of the ellipse, as asked.
-        let radius = record.radii[usize::from(record.frame.x.x.abs() < 0.5)];
+        // Off by a tenth, as asked, where the largest radius would be but that far.
+        let radius = record.radii[usize::from(record.frame.x.x.abs() < 0.5)].powi(2) / limits.most;
         let (found, expected) = (record.irradiance(DVec3::X * (x + radius), DVec3::Z).x, square(x + radius, DVec3::Z));
         let off = (found / square(x, DVec3::Z) - expected / square(x, DVec3::Z)).abs();
         assert!((0.05..0.2).contains(&off), "off by {off} at {radius}");

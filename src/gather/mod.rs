@@ -29,7 +29,7 @@ pub use depth::DepthTable;
 pub use flux::FluxMap;
 pub use gathered::{GatherStats, Gathered};
 pub use global::{GlobalMap, GlobalMemory, GlobalSettings};
-pub use irradiance::{Cells, Gathering, IrradianceCache, Record, Spacing};
+pub use irradiance::{Cells, Gathering, IrradianceCache, Limits, Record, Spacing};
 pub use lattice::{Fan, Lattices};
 pub use phase::PhaseLanes;
 pub use point::{Marching, PointMaps, PointQuery};

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::camera::Camera;
 use super::eye::{Context, Eye, Mode, Path};
 use super::plan::{CacheSettings, Plan};
-use crate::gather::{GatherStats, Gathering, IrradianceCache, Queue, Record};
+use crate::gather::{GatherStats, Gathering, IrradianceCache, Limits, Queue, Record};
 use crate::math::random::{Purpose, mix};
 use crate::math::{Frame, Rgb, Stream};
 use crate::photon::PointMemory;
@@ -147,8 +147,9 @@ impl<'s> Filler<'_, 's> {
             }
         }
         let [pixel, growth] = self.camera.cone();
-        let least = (min_pixels * (pixel + growth * distance)).min(max_radius);
-        let record = Record::new(at.point, &frame, cells, &found, spacing, (least, max_radius));
+        let least = min_pixels * (pixel + growth * distance);
+        let limits = Limits::seen(least, frame.z, walk.ray.direction, max_radius);
+        let record = Record::new(at.point, &frame, cells, &found, spacing, &limits);
         (Some(record.scaled(self.scale)), std::mem::take(&mut room.queue.stats), tally)
     }
 

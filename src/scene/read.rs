@@ -444,7 +444,7 @@ fn surface(table: &Table) -> Read<Surface> {
         differential_checking: differential_checking?,
         records,
         cache_error: cache_error?.unwrap_or(match records {
-            Records::Hessian => 0.05,
+            Records::Hessian => 0.01,
             Records::SplitSphere => 0.3,
         }),
     })

@@ -352,8 +352,8 @@ pub struct Surface {
     pub irradiance_cache: bool,
     /// How these are spaced.
     pub records: Records,
-    /// How far: of [`Records::Hessian`] the share by which interpolated light may be off, of [`Records::SplitSphere`] the share of the
-    /// mean distance around; above 0.
+    /// How far: of [`Records::Hessian`] the share by which interpolated light may be off at the edge of the widest, of
+    /// [`Records::SplitSphere`] the share of the mean distance around; above 0.
     pub cache_error: f64,
     /// The number n of photons whose distance is the radius, at least 2.
     pub neighbours: u32,
