@@ -19,7 +19,7 @@ const MOST_UNEVEN: u64 = 2_000_000;
 /// 0.0010 with 200 and 0.0006 with 600; on a stage of narrow spots in fog of g = 0.75, 0.0063 with 60, 0.0088 with 200 and 0.018 with 600. Among fewer
 /// photons n ∝ N^½, so that noise and blur grow alike: with radii r ∝ (n/N)^⅓ variance grows with 1/(N r²), squared blur with r⁴.
 const NEIGHBOURS: f64 = 200.0;
-/// But not fewer among so many.
+/// But as many as that.
 const FEWEST_NEIGHBOURS: f64 = 60.0;
 /// One of so many photons where a density varies in voxels: the plume of `scenes/smoke.toml` is 0.2 % too bright with one of 10 000, 0.6 % with two and
 /// 1.6 % with six.
@@ -75,7 +75,7 @@ pub fn neighbours(scene: &Scene, photons: u64) -> u32 {
             scene.media.iter().filter(|medium| medium.scatters()).map(|medium| medium.phase.greatest_cosine());
         let broad = 1.0 - cosines.fold(0.0, f64::max);
         let growth = (photons as f64 / FEWEST as f64).sqrt().min(1.0);
-        return ((NEIGHBOURS * broad).max(FEWEST_NEIGHBOURS) * growth).ceil() as u32;
+        return (NEIGHBOURS * broad * growth).max(FEWEST_NEIGHBOURS).ceil() as u32;
     };
     (photons / one_in).clamp(fewest, most) as u32
 }
