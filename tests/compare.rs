@@ -7,6 +7,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use volpm::compare::results::{Figures, Results, Variant};
+use volpm::compare::sweep::Range;
 use volpm::compare::{self, Request, Watch};
 use volpm::image::{self, Image};
 use volpm::render::Progress;
@@ -354,4 +355,37 @@ fn wrong_use_is_answered() {
         assert!(said.contains(expected), "{arguments:?}: {said}");
     }
     assert!(!folder.path().join("report/results.json").exists());
+}
+
+/// A sweep measures at each value against the reference of that value, says what is refused, and repeats nothing.
+#[test]
+fn a_sweep_measures_at_each_value() {
+    let (folder, path) = study("");
+    let mut request = Request::read(&path).unwrap();
+    request.set =
+        ["film.width=8", "film.height=6", "render.samples=2", "photons.volume=2000"].map(str::to_owned).into();
+    request.variants = compare::parse_variants("path,beam").unwrap();
+    (request.seeds, request.reference_error, request.reference_time) = (2, 0.05, 5.0);
+    let out = folder.path().join("out");
+    let range = Range::new("media.fog.scale", [0.01, 1e30], 3, false).unwrap();
+    let swept = compare::sweep::run(&request, &range, &out, &Notes::default(), &AtomicBool::new(false)).unwrap();
+    assert_eq!(swept.variants.iter().map(|variant| variant.name.as_str()).collect::<Vec<_>>(), ["path", "beam"]);
+    for variant in &swept.variants {
+        let [thin, dense, absurd] = &variant.points[..] else { panic!("{:?}", variant.points) };
+        let share = thin.found.as_ref().unwrap().share().unwrap();
+        assert!((share.value - 1.0).abs() < 0.2 && thin.found.as_ref().unwrap().samples == 2, "{thin:?}");
+        for point in [dense, absurd] {
+            assert!(point.found.is_none() && point.notes[0].contains("optical depths"), "{point:?}");
+        }
+    }
+    let notes = Notes::default();
+    let again = compare::sweep::run(&request, &range, &out, &notes, &AtomicBool::new(false)).unwrap();
+    assert!(
+        again == swept && !notes.begun.lock().unwrap().iter().any(|begun| begun.contains("seed")),
+        "it is repeated"
+    );
+    let csv = fs::read_to_string(out.join("sweep.csv")).unwrap();
+    assert_eq!(csv.lines().count(), 1 + 6, "{csv}");
+    request.same_map = true;
+    assert!(compare::sweep::run(&request, &range, &out, &Notes::default(), &AtomicBool::new(false)).is_err());
 }

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use clap::Args;
@@ -9,6 +10,7 @@ use clap::Args;
 use super::progress::Bar;
 use super::values;
 use crate::compare::results::{BudgetKind, Budgets, Results};
+use crate::compare::sweep::{Range, Sweep};
 use crate::compare::{self, Request, Watch};
 use crate::render::{Film, Progress, Stats};
 use crate::scene::StudyReference;
@@ -68,6 +70,14 @@ pub struct Arguments {
     /// Threads to use; default: all cores.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
+    /// Compares at values of this key from A to B, instead of at times: media.fog.scale=1e-8..1e6. What each variant does with
+    /// as many samples (or seconds) is measured against the reference of each value.
+    #[arg(long, value_name = "KEY=A..B", value_parser = values::sweep)]
+    sweep: Option<values::Ends>,
+    /// How many values that is.
+    #[arg(long, value_name = "N", default_value_t = 8, requires = "sweep",
+        value_parser = clap::value_parser!(u32).range(2..=1000))]
+    points: u32,
     /// Prints the results as JSON instead of a table.
     #[arg(long)]
     json: bool,
@@ -81,6 +91,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let stop = super::stop_on_signal()?;
     let pool = super::pool(arguments.threads)?;
     let teller = Teller { bar: Bar::new(arguments.quiet) };
+    if let Some(ends) = &arguments.sweep {
+        return sweep(arguments, &request, ends, &teller, (&pool, &stop));
+    }
     let results = pool.install(|| {
         let results = compare::run(&request, &arguments.out, &teller, &stop)?;
         report::write(&results, &arguments.out)?;
@@ -95,13 +108,65 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         }
     }
     super::print(&if arguments.json { super::json(&results)? } else { table(&results) })?;
-    if !results.complete {
-        if !arguments.quiet {
-            super::tell(format_args!("{}: as far as it came; the same command goes on", arguments.out.display()));
-        }
-        return Err(Error::Interrupted);
+    interrupted_unless(results.complete, arguments)
+}
+
+/// Says of what is not complete that it goes on.
+fn interrupted_unless(complete: bool, arguments: &Arguments) -> Result<()> {
+    if complete {
+        return Ok(());
     }
-    Ok(())
+    if !arguments.quiet {
+        super::tell(format_args!("{}: as far as it came; the same command goes on", arguments.out.display()));
+    }
+    Err(Error::Interrupted)
+}
+
+/// Compares at many values of a key.
+fn sweep(
+    arguments: &Arguments,
+    request: &Request,
+    ends: &values::Ends,
+    teller: &Teller,
+    (pool, stop): (&rayon::ThreadPool, &AtomicBool),
+) -> Result<()> {
+    let range = Range::new(&ends.key, ends.values, arguments.points, ends.whole)
+        .map_err(|expected| Error::Usage(format!("--sweep: {expected}")))?;
+    let swept = pool.install(|| {
+        let swept = compare::sweep::run(request, &range, &arguments.out, teller, stop)?;
+        report::write_sweep(&swept, &arguments.out)?;
+        Ok(swept)
+    });
+    teller.bar.finish();
+    let swept: Sweep = swept?;
+    super::print(&if arguments.json { super::json(&swept)? } else { sweep_table(&swept) })?;
+    interrupted_unless(swept.complete, arguments)
+}
+
+/// By value and variant: the mean as a share of the reference's, the relative error, and CPU seconds; and the error of the reference's pixels.
+fn sweep_table(swept: &Sweep) -> String {
+    let mut text = format!("{:>12}", swept.range.key.rsplit('.').next().unwrap_or_default());
+    // Writing to a string cannot fail.
+    for variant in &swept.variants {
+        let _ = write!(text, "  {:>30}", variant.name);
+    }
+    text.push_str("   reference\n");
+    for (index, value) in swept.range.values.iter().enumerate() {
+        let _ = write!(text, "{value:>12}");
+        for point in swept.variants.iter().filter_map(|variant| variant.points.get(index)) {
+            let cell = point.found.as_ref().map_or("none".to_string(), |found| {
+                let share = found.share().map_or("-".to_string(), |share| format!("{:.4}", share.value));
+                let error = found.error().map_or("-".to_string(), |error| format!("{:.2} %", 100.0 * error.value));
+                let cost = found.cpu_seconds.map_or("-".to_string(), |cost| format!("{:.2} s", cost.value));
+                format!("{share} ({error}, {cost})")
+            });
+            let _ = write!(text, "  {cell:>30}");
+        }
+        let mut found = swept.variants.iter().filter_map(|variant| variant.points.get(index)?.found.as_ref());
+        let error = found.find(|found| found.reference > 0.0).and_then(|found| found.reference_error);
+        let _ = writeln!(text, "  {:>10}", error.map_or("-".to_string(), |error| format!("±{:.2} %", 100.0 * error)));
+    }
+    text + "mean / reference (relative error, CPU seconds)\n"
 }
 
 /// What the file asks for, with what the command line says instead.

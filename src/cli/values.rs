@@ -35,6 +35,27 @@ pub fn bytes(text: &str) -> Result<u64, String> {
     if bytes > 0 { Ok(bytes) } else { Err(expected()) }
 }
 
+/// A key and the ends of what its values are to be.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ends {
+    pub key: String,
+    pub values: [f64; 2],
+    /// Whether both are written as whole numbers.
+    pub whole: bool,
+}
+
+/// A key with two ends: `media.fog.scale=1e-8..1e6`.
+pub fn sweep(text: &str) -> Result<Ends, String> {
+    let expected = || "expected KEY=A..B with two numbers, such as media.fog.scale=1e-8..1e6".to_string();
+    let (key, ends) = text.split_once('=').ok_or_else(expected)?;
+    let (from, to) = ends.split_once("..").ok_or_else(expected)?;
+    let [from, to] = [from.trim(), to.trim()];
+    let number = |text: &str| text.replace('_', "").parse::<f64>().ok().filter(|number| number.is_finite());
+    let (Some(low), Some(high)) = (number(from), number(to)) else { return Err(expected()) };
+    let whole = [from, to].iter().all(|text| text.chars().all(|c| c.is_ascii_digit() || matches!(c, '-' | '+' | '_')));
+    Ok(Ends { key: key.trim().to_string(), values: [low, high], whole })
+}
+
 /// Passes from 1, both ends included: `9..16`, or `9` alone.
 pub fn passes(text: &str) -> Result<RangeInclusive<u32>, String> {
     let (first, last) = text.split_once("..").unwrap_or((text, text));

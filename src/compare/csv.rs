@@ -45,6 +45,6 @@ fn fields(measured: &Measured, region: usize) -> Vec<String> {
 }
 
 /// As RFC 4180 wants it.
-fn quoted(text: &str) -> String {
+pub fn quoted(text: &str) -> String {
     if text.contains([',', '"', '\n', '\r']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_string() }
 }

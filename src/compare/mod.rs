@@ -1,7 +1,7 @@
 //! Error against run time: several estimates of one scene, each refined once and measured on the way.
 //!
 //! A [`Request`] says what to compare, [`run()`] does it in a folder, and [`Results`] say what was found. What is measured,
-//! and how, is told in `docs/compare.md`; the figures are defined in [`results`].
+//! and how, is told in `docs/compare.md`; the figures are defined in [`results`]. A [`sweep`] compares at many values of one key.
 
 mod assemble;
 mod checks;
@@ -18,6 +18,7 @@ mod request;
 pub mod results;
 mod run;
 mod store;
+pub mod sweep;
 mod tune;
 mod variant;
 mod watch;
@@ -45,10 +46,17 @@ use store::Store;
 /// [`Error::Usage`], [`Error::Scene`] and [`Error::Asset`] for what cannot be compared; [`Error::Output`] where the folder
 /// cannot be written to; [`Error::Interrupted`] if nothing was measured yet.
 pub fn run(request: &Request, folder: &Path, watch: &dyn Watch, stop: &AtomicBool) -> Result<Results> {
+    let (store, results) = measure(request, folder, watch, stop)?;
+    store.write_results(&results)?;
+    Ok(results)
+}
+
+/// Compares in a folder, and leaves what was found to be written there.
+fn measure(request: &Request, folder: &Path, watch: &dyn Watch, stop: &AtomicBool) -> Result<(Store, Results)> {
     let (budgets, trim) = request.where_to_measure()?;
     let mut context = Context::new(request, watch, stop)?;
     let regions = checks::regions(request, &context.base)?;
-    let store = Store::new(folder)?;
+    let store = Store::new(folder, "results.json")?;
     let variants = checks::variants(&mut context, &budgets)?;
     if request.same_map {
         context.photons()?;
@@ -62,6 +70,5 @@ pub fn run(request: &Request, folder: &Path, watch: &dyn Watch, stop: &AtomicBoo
         Err(error) => return Err(error),
     };
     let results = comparison.results(&found, complete, trim)?;
-    store.write_results(&results)?;
-    Ok(results)
+    Ok((store, results))
 }

@@ -60,11 +60,11 @@ pub struct Made {
 }
 
 impl Store {
-    /// The folder, which is made if it is missing.
-    pub fn new(folder: &Path) -> Result<Store> {
+    /// The folder, which is made if it is missing, for results in the file called `results`.
+    pub fn new(folder: &Path, results: &str) -> Result<Store> {
         let store = Store { folder: folder.to_owned() };
         store.make(&store.folder)?;
-        image::check_target(folder.join("results.json"))?;
+        image::check_target(folder.join(results))?;
         Ok(store)
     }
 

@@ -24,11 +24,11 @@ impl Quantity {
     }
 }
 
-/// A figure and when it was measured.
+/// A figure and where it was measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
-    /// Seconds of rendering until then.
-    pub seconds: f64,
+    /// Seconds of rendering until then, or the value of what is swept.
+    pub at: f64,
     /// The value of the figure.
     pub value: f64,
     /// Its standard error, if known.
@@ -50,12 +50,12 @@ pub fn curve(variant: &Variant, region: usize, quantity: Quantity) -> Vec<Point>
     let mut points: Vec<Point> = measured
         .filter_map(|measured| {
             let figure = quantity.of(measured.regions.get(region)?)?;
-            Some(Point { seconds: measured.seconds.value, value: figure.value, error: figure.error })
+            Some(Point { at: measured.seconds.value, value: figure.value, error: figure.error })
         })
-        .filter(|point| point.seconds > 0.0 && point.seconds.is_finite() && point.value.is_finite())
+        .filter(|point| point.at > 0.0 && point.at.is_finite() && point.value.is_finite())
         .collect();
-    points.sort_by(|a, b| a.seconds.total_cmp(&b.seconds));
-    points.dedup_by(|b, a| b.seconds == a.seconds);
+    points.sort_by(|a, b| a.at.total_cmp(&b.at));
+    points.dedup_by(|b, a| b.at == a.at);
     points
 }
 
@@ -65,7 +65,7 @@ pub fn slope(points: &[Point]) -> Option<Figure> {
     let logs: Vec<(f64, f64, Option<f64>)> = points
         .iter()
         .filter(|point| point.value > 0.0)
-        .map(|point| (point.seconds.ln(), point.value.ln(), point.error.map(|error| error / point.value)))
+        .map(|point| (point.at.ln(), point.value.ln(), point.error.map(|error| error / point.value)))
         .collect();
     if logs.len() < 3 {
         return None;
@@ -95,26 +95,26 @@ pub enum Reach {
 /// When the curve first is at `level`, interpolated as a power law between measures; `None` without measures.
 pub fn time_to(points: &[Point], level: f64) -> Option<Reach> {
     let Some(k) = points.iter().position(|point| point.value <= level) else {
-        return points.last().map(|last| Reach::After(last.seconds));
+        return points.last().map(|last| Reach::After(last.at));
     };
     if k == 0 {
-        return Some(Reach::Before(points[0].seconds));
+        return Some(Reach::Before(points[0].at));
     }
     let (a, b) = (points[k - 1], points[k]);
     // A value of 0 is met at its own time.
     let share = if b.value > 0.0 { (a.value / level).ln() / (a.value / b.value).ln() } else { 1.0 };
-    Some(Reach::At(a.seconds * (b.seconds / a.seconds).powf(share)))
+    Some(Reach::At(a.at * (b.at / a.at).powf(share)))
 }
 
 /// The value at a time, interpolated as a power law; `None` outside the measures.
 pub fn value_at(points: &[Point], seconds: f64) -> Option<f64> {
-    let k = points.iter().position(|point| point.seconds >= seconds)?;
+    let k = points.iter().position(|point| point.at >= seconds)?;
     let b = points[k];
-    if b.seconds == seconds {
+    if b.at == seconds {
         return Some(b.value);
     }
     let a = points[k.checked_sub(1)?];
-    let share = (seconds / a.seconds).ln() / (b.seconds / a.seconds).ln();
+    let share = (seconds / a.at).ln() / (b.at / a.at).ln();
     Some(if a.value > 0.0 && b.value > 0.0 {
         a.value * (b.value / a.value).powf(share)
     } else {
@@ -174,7 +174,7 @@ pub fn common_time(results: &Results) -> Option<f64> {
             let curves: Vec<Vec<Point>> =
                 results.variants.iter().map(|variant| curve(variant, 0, Quantity::Rmse)).collect();
             let known = |time: f64| curves.iter().filter(|points| value_at(points, time).is_some()).count();
-            let times = curves.iter().flatten().map(|point| (known(point.seconds), point.seconds));
+            let times = curves.iter().flatten().map(|point| (known(point.at), point.at));
             times.max_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))).map(|(_, time)| time)
         }
     }
@@ -211,7 +211,7 @@ mod tests {
     use super::*;
 
     fn points(list: &[(f64, f64)]) -> Vec<Point> {
-        list.iter().map(|&(seconds, value)| Point { seconds, value, error: Some(0.1 * value) }).collect()
+        list.iter().map(|&(at, value)| Point { at, value, error: Some(0.1 * value) }).collect()
     }
 
     #[test]

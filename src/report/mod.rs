@@ -8,12 +8,14 @@ mod number;
 mod page;
 mod pictures;
 mod plot;
+mod sweep;
 
 use std::io::Write;
 use std::path::Path;
 
 use crate::Result;
 use crate::compare::Results;
+use crate::compare::sweep::Sweep;
 use crate::image::write_aside;
 
 /// Writes the report of `results` into their folder `dir`: `index.html`; `curve.svg`, error against time;
@@ -29,5 +31,17 @@ pub fn write(results: &Results, dir: &Path) -> Result<()> {
         write_aside(dir.join("curve.svg"), |file| file.write_all(error.0.as_bytes()))?;
     }
     let page = page::page(results, &pictures, &curves)?;
+    write_aside(dir.join("index.html"), |file| file.write_all(page.as_bytes()))
+}
+
+/// Writes the report of a sweep into its folder `dir`: `index.html`, and `error.svg`, `share.svg`, `cost.svg` and `work.svg`, its curves.
+///
+/// Errors: [`Error::Output`](crate::Error::Output).
+pub fn write_sweep(sweep: &Sweep, dir: &Path) -> Result<()> {
+    let curves = sweep::curves(sweep)?;
+    for (name, _, curve) in &curves {
+        write_aside(dir.join(format!("{name}.svg")), |file| file.write_all(curve.0.as_bytes()))?;
+    }
+    let page = sweep::page(sweep, &curves);
     write_aside(dir.join("index.html"), |file| file.write_all(page.as_bytes()))
 }

@@ -1,4 +1,4 @@
-//! Curves against time on logarithmic axes, as SVG: axes and lines by plotters, each variant in a group of its own.
+//! Curves on logarithmic axes, against time or what is swept, as SVG: axes and lines by plotters, each variant in a group of its own.
 
 use std::ops::Range;
 
@@ -20,7 +20,7 @@ pub struct Line<'r> {
     name: &'r str,
     /// Which variant it is: decides colour, marker and dashes.
     variant: usize,
-    /// Its points, by time. Those that cannot be shown on a logarithmic axis are left out.
+    /// Its points, from left to right. Those that cannot be shown on a logarithmic axis are left out.
     pub points: Vec<Point>,
 }
 
@@ -32,8 +32,28 @@ impl<'r> Line<'r> {
     }
 }
 
+/// What a horizontal axis shows.
+#[derive(Clone, Copy)]
+pub struct Across<'r> {
+    /// What it is called.
+    pub name: &'r str,
+    /// What follows its numbers.
+    pub unit: &'r str,
+    /// Whether it is logarithmic, not even.
+    pub logarithmic: bool,
+    /// What it reaches from and to, even if there are no points there.
+    pub ends: Option<(f64, f64)>,
+}
+
+impl Across<'_> {
+    /// Time.
+    pub const SECONDS: Across<'static> = Across { name: "seconds", unit: " s", logarithmic: true, ends: None };
+}
+
 /// A picture of curves.
 pub struct Plot<'r> {
+    /// What the horizontal axis shows.
+    pub across: Across<'r>,
     /// What the vertical axis shows.
     pub quantity: &'r str,
     /// The curves.
@@ -101,11 +121,13 @@ pub fn marker(variant: usize, x: f64, y: f64, radius: f64) -> String {
 /// Plotters places in whole units; these are quarters of a pixel.
 const UNIT: i32 = 4;
 
-/// A logarithmic axis whose labels are 1, 2 and 5 times powers of ten, or fewer where those are too many.
+/// An axis whose labels are 1, 2 and 5 times powers of ten, or fewer where those are too many; an even one's are multiples of such a
+/// number.
 #[derive(Clone, Copy)]
 struct Axis {
     start: f64,
     end: f64,
+    logarithmic: bool,
 }
 
 impl Axis {
@@ -118,7 +140,36 @@ impl Axis {
             return None;
         }
         let wider = (5.0 * low / high).max(1.0).sqrt().max(room);
-        Some(Axis { start: low / wider, end: high * wider })
+        Some(Axis { start: low / wider, end: high * wider, logarithmic: true })
+    }
+
+    /// An even axis over `values`, with room at its ends.
+    fn even(values: impl Iterator<Item = f64>) -> Option<Axis> {
+        let (low, high) = values
+            .filter(|value| value.is_finite())
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
+        let room = if high > low { 0.04 * (high - low) } else { 0.5 };
+        (low <= high).then_some(Axis { start: low - room, end: high + room, logarithmic: false })
+    }
+
+    /// How far along the axis a value is.
+    fn share(&self, value: f64) -> f64 {
+        if self.logarithmic {
+            (value / self.start).ln() / (self.end / self.start).ln()
+        } else {
+            (value - self.start) / (self.end - self.start)
+        }
+    }
+
+    /// Labels of an even axis, no more than `most`: multiples of 1, 2 or 5 times a power of ten.
+    fn multiples(&self, most: usize) -> Vec<f64> {
+        let least = (self.end - self.start) / most.max(1) as f64;
+        let decade = 10f64.powf(least.log10().floor());
+        let step = [1.0, 2.0, 5.0, 10.0].map(|multiple| multiple * decade).into_iter().find(|step| *step >= least);
+        let step = step.unwrap_or(10.0 * decade);
+        let marks = (self.start / step).ceil() as i64..=(self.end / step).floor() as i64;
+        // 3 · 0.1 is no round number.
+        marks.map(|mark| format!("{:.6e}", mark as f64 * step).parse().unwrap_or_default()).collect()
     }
 
     /// Multiples, each in [1, 10), of powers of ten, every `step`-th power.
@@ -136,13 +187,19 @@ impl Ranged for Axis {
     type ValueType = f64;
 
     fn map(&self, value: &f64, (low, high): (i32, i32)) -> i32 {
-        let share = (value / self.start).ln() / (self.end / self.start).ln();
         // Conversions saturate.
-        (f64::from(low) + share * f64::from(high - low)).round() as i32
+        (f64::from(low) + self.share(*value) * f64::from(high - low)).round() as i32
     }
 
     fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
         const ALL: [f64; 9] = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0];
+        if !self.logarithmic {
+            return if matches!(hint.weight(), KeyPointWeight::Bold) {
+                self.multiples(hint.max_num_points())
+            } else {
+                Vec::new()
+            };
+        }
         let span = (self.end / self.start).log10();
         if !matches!(hint.weight(), KeyPointWeight::Bold) {
             return if span > 5.0 { self.marks(&[1.0], 1) } else { self.marks(&ALL, 1) };
@@ -206,12 +263,14 @@ fn shown(point: &Point) -> (f64, bool) {
 /// errors are hollow, at the value they are likely below, and no line leads to them.
 pub fn draw(plot: &Plot<'_>) -> Result<Option<Markup>> {
     let points = || plot.lines.iter().flat_map(|line| &line.points);
-    let times = Axis::over(points().map(|point| point.seconds), 1.15);
+    let ends = plot.across.ends.into_iter().flat_map(|(low, high)| [low, high]);
+    let places = points().map(|point| point.at).chain(ends);
+    let places = if plot.across.logarithmic { Axis::over(places, 1.15) } else { Axis::even(places) };
     let heights = match plot.range {
         Some((low, high)) => Axis::over([low, high].into_iter(), 1.3),
         None => Axis::over(points().map(|point| shown(point).0), 1.3),
     };
-    let (Some(x), Some(y)) = (times, heights) else { return Ok(None) };
+    let (Some(x), Some(y)) = (places, heights) else { return Ok(None) };
     // Names take about eight pixels a letter.
     let longest = plot.lines.iter().map(|line| line.name.chars().count()).max().unwrap_or(0);
     let right = if plot.named { (34 + 8 * longest as i32).clamp(100, 300) } else { 16 };
@@ -225,7 +284,7 @@ pub fn draw(plot: &Plot<'_>) -> Result<Option<Markup>> {
         let font = |size: i32| ("system-ui, sans-serif", UNIT * size).into_font().color(&ink);
         chart
             .configure_mesh()
-            .x_desc("seconds")
+            .x_desc(plot.across.name)
             .y_desc(plot.quantity)
             .x_labels(if plot.named { 12 } else { 8 })
             .y_labels(8)
@@ -243,11 +302,10 @@ pub fn draw(plot: &Plot<'_>) -> Result<Option<Markup>> {
         area = (real(columns), real(rows));
         Ok(())
     })?;
-    let share = |axis: &Axis, value: f64| (value / axis.start).ln() / (axis.end / axis.start).ln();
     let (left, right, top, bottom) = (area.0.start, area.0.end, area.1.start, area.1.end);
-    let place = |seconds: f64, value: f64| {
-        let y = bottom - share(&frame.y, value) * (bottom - top);
-        (left + share(&frame.x, seconds) * (right - left), y.clamp(top - 8.0, bottom))
+    let place = |at: f64, value: f64| {
+        let y = bottom - frame.y.share(value) * (bottom - top);
+        (left + frame.x.share(at) * (right - left), y.clamp(top - 8.0, bottom))
     };
 
     let guide = match (plot.guide, points().next()) {
@@ -268,7 +326,7 @@ pub fn draw(plot: &Plot<'_>) -> Result<Option<Markup>> {
     for line in &plot.lines {
         let (r, g, b) = COLOURS[line.variant % COLOURS.len()];
         let certain: Vec<(f64, f64)> =
-            line.points.iter().filter(|point| shown(point).1).map(|point| (point.seconds, point.value)).collect();
+            line.points.iter().filter(|point| shown(point).1).map(|point| (point.at, point.value)).collect();
         let stroke = frame.part(|chart| {
             let style = RGBColor(r, g, b).stroke_width(2 * UNIT as u32);
             chart.draw_series(LineSeries::new(certain, style)).map(drop)
@@ -276,14 +334,12 @@ pub fn draw(plot: &Plot<'_>) -> Result<Option<Markup>> {
         curves.push((line, stroke));
     }
 
-    let ends = plot
-        .lines
-        .iter()
-        .filter_map(|line| line.points.last().map(|point| (place(point.seconds, shown(point).0).1, line)));
+    let ends =
+        plot.lines.iter().filter_map(|line| line.points.last().map(|point| (place(point.at, shown(point).0).1, line)));
     let names = apart(ends.collect(), f64::from(17 * UNIT), top..bottom);
 
     let unit = f64::from(UNIT);
-    let label = format!("{} against seconds, both logarithmic: {}", plot.quantity, described(plot));
+    let label = format!("{} against {}: {}", plot.quantity, plot.across.name, described(plot));
     Ok(Some(html! {
         svg.plot xmlns="http://www.w3.org/2000/svg" viewBox={ "0 0 " (UNIT * width) " " (UNIT * height) }
             role="img" aria-label=(label)
@@ -300,16 +356,16 @@ pub fn draw(plot: &Plot<'_>) -> Result<Option<Markup>> {
                     g stroke-dasharray=(scaled(dashes(line.variant))) stroke-linejoin="round" { (PreEscaped(stroke)) }
                     @for point in &line.points {
                         @let (value, certain) = shown(point);
-                        @let (x, y) = place(point.seconds, value);
+                        @let (x, y) = place(point.at, value);
                         @if let (true, Some(error)) = (certain, point.error) {
-                            @let high = place(point.seconds, point.value + error).1;
-                            @let low = place(point.seconds, (point.value - error).max(1e-3 * point.value)).1;
+                            @let high = place(point.at, point.value + error).1;
+                            @let low = place(point.at, (point.value - error).max(1e-3 * point.value)).1;
                             path.bar d={ "M" (x) " " (high) "V" (low) } stroke=(colour) stroke-width=(1.5 * unit) {}
                         }
                         path.point d=(marker(line.variant, x, y, 4.0 * unit)) stroke=(colour) stroke-width=(1.5 * unit)
                             fill=(if certain { colour.as_str() } else { "none" }) {
                             title {
-                                (line.name) ", " (short(point.seconds)) " s: "
+                                (line.name) ", " (short(point.at)) (plot.across.unit) ": "
                                 @if certain { (short(value)) } @else { "below " (short(value)) }
                                 @if let (true, Some(error)) = (certain, point.error) { " ± " (short(error)) }
                             }
@@ -357,10 +413,11 @@ fn scaled(dashes: &str) -> String {
 
 /// The ends of each curve, in words.
 fn described(plot: &Plot<'_>) -> String {
+    let unit = plot.across.unit;
     let ends = plot.lines.iter().filter_map(|line| {
         let (first, last) = (line.points.first()?, line.points.last()?);
-        let (name, [a, b, c, d]) = (line.name, [first.value, first.seconds, last.value, last.seconds].map(short));
-        Some(format!("{name} from {a} at {b} s to {c} at {d} s"))
+        let (name, [a, b, c, d]) = (line.name, [first.value, first.at, last.value, last.at].map(short));
+        Some(format!("{name} from {a} at {b}{unit} to {c} at {d}{unit}"))
     });
     ends.collect::<Vec<_>>().join("; ")
 }

@@ -10,7 +10,7 @@ use serde_json::json;
 use super::analysis::{Point, Quantity, Reach, baseline, common_budget, common_level, curve, error_at_common_time};
 use super::number::{count, digits, short, time, with_error};
 use super::pictures::Pictures;
-use super::plot::{self, Line, Plot, dashes, marker};
+use super::plot::{self, Across, Line, Plot, dashes, marker};
 use crate::Result;
 use crate::compare::results::{BudgetKind, Figure, Results, Setting};
 
@@ -40,9 +40,11 @@ impl Curves {
             points.map(|point| point.limit().unwrap_or(point.value)).filter(|value| *value > 0.0)
         };
         let range = values().min_by(f64::total_cmp).zip(values().max_by(f64::total_cmp));
-        let small = |quantity, lines| plot::draw(&Plot { quantity, lines, guide: false, range, named: false });
+        let across = Across::SECONDS;
+        let small = |quantity, lines| plot::draw(&Plot { across, quantity, lines, guide: false, range, named: false });
         Ok(Curves {
             error: plot::draw(&Plot {
+                across,
                 quantity: "RMSE",
                 lines: lines(Quantity::Rmse),
                 guide: true,
@@ -72,7 +74,7 @@ pub fn page(results: &Results, pictures: &Pictures, curves: &Curves) -> Result<S
                 meta name="color-scheme" content="light dark";
                 title { "Error against time: " (name) }
                 link rel="icon" href="data:,";
-                style { (PreEscaped(include_str!("../style.css"))) (page.colours()) }
+                style { (PreEscaped(include_str!("../style.css"))) (colours(results.variants.len())) }
             }
             body {
                 header {
@@ -130,6 +132,11 @@ fn or_none(value: Option<impl Render>) -> Markup {
 
 /// A variant's name with its line and marker.
 fn named(results: &Results, variant: usize) -> Markup {
+    key(&results.variants[variant].name, variant)
+}
+
+/// The name of the variant of this number with its line and marker.
+pub fn key(name: &str, variant: usize) -> Markup {
     let dash =
         dashes(variant).split(' ').map(|length| length.parse::<f64>().map_or("none".into(), |l| (2.0 * l).to_string()));
     html! {
@@ -138,13 +145,19 @@ fn named(results: &Results, variant: usize) -> Markup {
                 path d="M0 6H30" stroke-dasharray=(dash.collect::<Vec<_>>().join(" ")) {}
                 path.dot d=(marker(variant, 15.0, 6.0, 4.0)) {}
             }
-            (results.variants[variant].name)
+            (name)
         }
     }
 }
 
 fn settings(settings: &[Setting]) -> Markup {
     html! { @for (k, Setting { key, value }) in settings.iter().enumerate() { @if k > 0 { ", " } code { (key) " = " (value) } } }
+}
+
+/// Variables of style sheets, for so many variants.
+pub fn colours(count: usize) -> Markup {
+    let colours = (0..count).map(|k| format!("--v{k}:{};", plot::colour(k)));
+    html! { ":root{" (colours.collect::<String>()) "}" }
 }
 
 /// A ratio.
@@ -160,12 +173,6 @@ impl Page<'_> {
             BudgetKind::Samples if value == 1.0 => "1 sample".into(),
             BudgetKind::Samples => format!("{} samples", count(value as u64)),
         }
-    }
-
-    /// Variables of style sheets.
-    fn colours(&self) -> Markup {
-        let colours = (0..self.results.variants.len()).map(|k| format!("--v{k}:{};", plot::colour(k)));
-        html! { ":root{" (colours.collect::<String>()) "}" }
     }
 
     fn circumstances(&self) -> Markup {
@@ -248,7 +255,7 @@ impl Page<'_> {
     fn data(&self) -> serde_json::Value {
         let variants =
             self.results.variants.iter().zip(&self.pictures.variants).enumerate().map(|(k, (variant, drawn))| {
-                let points: Vec<_> = self.curve(k).iter().map(|point| [point.seconds, point.value]).collect();
+                let points: Vec<_> = self.curve(k).iter().map(|point| [point.at, point.value]).collect();
                 let budgets: Vec<_> = drawn
                     .budgets
                     .iter()

@@ -100,7 +100,7 @@ impl Page<'_> {
     /// what it is likely below.
     fn share_of_bias(figures: &Figures) -> Option<Share> {
         let (bias, variance) = (figures.bias2?, figures.variance?.value);
-        let point = Point { seconds: 0.0, value: bias.value, error: bias.error };
+        let point = Point { at: 0.0, value: bias.value, error: bias.error };
         let of = |bias: f64| bias / (bias + variance);
         match point.limit() {
             Some(limit) if limit > 0.0 => Some(Share::Below(of(limit))),
