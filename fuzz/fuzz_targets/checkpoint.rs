@@ -1,0 +1,3 @@
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| volpm_fuzz::reads(&volpm_fuzz::sealed(bytes.to_vec()), "checkpoint"));
