@@ -152,7 +152,7 @@ fn sweep_table(swept: &Sweep) -> String {
     }
     text.push_str("   reference\n");
     for (index, value) in swept.range.values.iter().enumerate() {
-        let _ = write!(text, "{value:>12}");
+        let _ = write!(text, "{value:>12?}");
         for point in swept.variants.iter().filter_map(|variant| variant.points.get(index)) {
             let cell = point.found.as_ref().map_or("none".to_string(), |found| {
                 let share = found.share().map_or("-".to_string(), |share| format!("{:.4}", share.value));
