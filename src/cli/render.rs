@@ -112,7 +112,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let (description, scene, settings, choice) = pool.install(|| -> Result<_> {
         let mut description = scene::read(&arguments.scene, &overrides)?;
         let (scene, settings) = scene::build(&description)?;
-        let choice = if arguments.replay.is_some() { None } else { render::choose(&scene, &settings)? };
+        let choice = render::choose(&scene, &settings)?;
         if let Some(Choice { method, .. }) = choice {
             (description.render.method, description.render.automatic) = (method, false);
         }

@@ -68,14 +68,14 @@ pub fn choose(scene: &Scene, settings: &Settings) -> Result<Option<Choice>> {
     let (width, height) = camera.size();
     let all = u64::from(width) * u64::from(height);
     let twice = 2 * u64::from(plan.samples.min(SAMPLES));
-    let pixels = (all * u64::from(plan.samples) / (SHARE * twice)).min(PIXELS).min(all);
+    let pixels = (all.saturating_mul(plan.samples.into()) / (SHARE * twice)).min(PIXELS).min(all);
     if pixels < BATCH {
         return photons("as the picture is too small for a pilot of paths");
     }
-    let samples = u64::from(plan.samples) * u64::from(settings.render.passes);
+    // Of one pass: more of them change no method.
+    let samples = u64::from(plan.samples);
     let photons = volume_photons(scene, settings) + global_photons(scene, settings);
-    // Each pass has photons of its own.
-    let worth = A_PHOTON * photons as f64 / (all * u64::from(plan.samples)) as f64;
+    let worth = A_PHOTON * photons as f64 / (all as f64 * samples as f64);
     Ok(Some(match noise((scene, &camera, plan), pixels, samples, worth) {
         Some(Noise { all, .. }) if all <= GOOD => Choice {
             method: Method::Path,
