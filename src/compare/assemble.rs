@@ -1,7 +1,7 @@
 //! What runs found, as results.
 
 use super::comparison::{Comparison, Found};
-use super::context::settings;
+use super::context::{pairs, settings};
 use super::figures::{figures, mean};
 use super::machine;
 use super::results::{self, Measure, Measured, Reference, ReferenceKind, Results, SameMap};
@@ -66,9 +66,7 @@ impl Comparison<'_> {
                 doubtful.join(", ")
             ));
         }
-        let split =
-            |text: &String| text.split_once('=').map(|(key, value)| (key.trim().to_string(), value.trim().to_string()));
-        let (scene_text, set) = (scene::read_study(&request.scene)?.1, request.set.iter().filter_map(split));
+        let scene_text = scene::read_study(&request.scene)?.1;
         Ok(Results {
             version: results::VERSION,
             program: machine::program(),
@@ -88,7 +86,7 @@ impl Comparison<'_> {
                 text: request.study.clone(),
                 budgets,
                 seeds: self.seeds(),
-                set: settings(&set.collect::<Vec<_>>()),
+                set: settings(&pairs(&request.set)),
                 layer: request.layer.clone(),
                 same_map: context.shared().map(|photons| SameMap {
                     seed: base.render.seed,

@@ -94,6 +94,16 @@ impl<'r> Context<'r> {
     }
 }
 
+/// Key and value of `key=value`, if it is that.
+pub fn pair(text: &str) -> Option<Pair> {
+    text.split_once('=').map(|(key, value)| (key.trim().to_string(), value.trim().to_string()))
+}
+
+/// Those of whatever among `texts` has them.
+pub fn pairs(texts: &[String]) -> Vec<Pair> {
+    texts.iter().filter_map(|text| pair(text)).collect()
+}
+
 /// Key and value as results hold them.
 pub fn settings(pairs: &[Pair]) -> Vec<Setting> {
     pairs.iter().map(|(key, value)| Setting { key: key.clone(), value: value.clone() }).collect()

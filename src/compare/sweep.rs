@@ -9,6 +9,7 @@ use std::sync::atomic::AtomicBool;
 
 use serde::{Deserialize, Serialize};
 
+use super::context::{pairs, settings};
 use super::csv::quoted;
 use super::results::{BudgetKind, Budgets, Figure, Machine, Measured, Program, Results, Setting};
 use super::store::Store;
@@ -211,7 +212,7 @@ pub fn run(request: &Request, range: &Range, folder: &Path, watch: &dyn Watch, s
         range: range.clone(),
         budgets,
         seeds: request.seeds,
-        set: settings(&request.set),
+        set: settings(&pairs(&request.set)),
         variants: variants.iter().map(swept).collect(),
     };
     let asked: Vec<StudyVariant> = variants.into_iter().map(|variant| variant.asked).collect();
@@ -280,12 +281,6 @@ fn point(request: &Request, value: f64, folder: &Path, watch: &dyn Watch, stop: 
         notes.push("not reached in the time given".to_string());
     }
     Ok(Point { value, found: measured.and_then(|measured| Found::new(&results, measured)), notes })
-}
-
-fn settings(set: &[String]) -> Vec<Setting> {
-    let split =
-        |text: &String| text.split_once('=').map(|(key, value)| (key.trim().to_string(), value.trim().to_string()));
-    set.iter().filter_map(split).map(|(key, value)| Setting { key, value }).collect()
 }
 
 const COLUMNS: &str = "value,variant,seconds,cpu_seconds,samples,mean,mean_se,reference,reference_error,share,share_se,\

@@ -1,6 +1,6 @@
 //! Variants: an estimate with its settings.
 
-use super::context::{Context, Pair};
+use super::context::{Context, Pair, pair};
 use crate::gather::march::Marcher;
 use crate::render::{Camera, Limits, Plan, SharedMap, volume_photons};
 use crate::scene::description::{Description, Estimate, Kernel, Method};
@@ -79,8 +79,7 @@ pub fn parse(text: &str) -> Result<Vec<StudyVariant>> {
             variants.push(StudyVariant { name: name.to_string(), ..StudyVariant::default() });
         }
         let Some(setting) = setting else { continue };
-        let pair = setting.split_once('=').map(|(key, value)| (key.trim().to_string(), value.trim().to_string()));
-        match (variants.last_mut(), pair) {
+        match (variants.last_mut(), pair(setting)) {
             (Some(variant), Some(pair)) => variant.set.push(pair),
             _ => {
                 return Err(Error::Usage(format!(

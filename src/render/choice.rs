@@ -3,11 +3,11 @@
 use rayon::prelude::*;
 
 use super::camera::Camera;
-use super::eye::{Component, Context, Eye, Mode, Path};
+use super::eye::{Component, Context, Eye, Path};
 use super::limits::Limits;
 use super::numbers::{global_photons, volume_photons};
 use super::plan::Plan;
-use super::tile::{eye_settings, set_out};
+use super::tile::{by_paths, eye_settings, set_out};
 use crate::Result;
 use crate::gather::Queue;
 use crate::math::random::mix;
@@ -107,6 +107,9 @@ fn noise((scene, camera, plan): (&Scene, &Camera, Plan), pixels: u64, samples: u
     let (width, height) = camera.size();
     // Apart: of another seed.
     let looks = [plan.clone(), Plan { seed: mix(plan.seed), ..plan }];
+    // Whether to break off is asked after thousands of events of one path.
+    let eyes =
+        looks.each_ref().map(|plan| Eye::new(scene, eye_settings(plan, camera, (by_paths(plan), None), &|| true)));
     let taken = looks[0].samples.min(SAMPLES);
     // By the plastic number, which is to the plane what the golden ratio is to the line: the first are spread over the film as all are.
     let place = |number: u64| {
@@ -118,7 +121,7 @@ fn noise((scene, camera, plan): (&Scene, &Camera, Plan), pixels: u64, samples: u
     for first in (0..pixels).step_by(BATCH as usize) {
         let batch: Vec<Option<Pixel>> = (first..pixels.min(first + BATCH))
             .into_par_iter()
-            .map(|number| two_looks((scene, camera), &looks, taken, place(number)))
+            .map(|number| two_looks((scene, camera), (&looks, &eyes), taken, place(number)))
             .collect();
         for pixel in batch {
             found.push(pixel?);
@@ -149,11 +152,14 @@ struct Pixel {
 }
 
 /// Looks at a pixel twice, by so many paths each; `None` if one of them has no end in sight.
-fn two_looks((scene, camera): (&Scene, &Camera), looks: &[Plan; 2], samples: u32, pixel: (u32, u32)) -> Option<Pixel> {
-    let look = |plan: &Plan| {
-        let mode = if plan.split { Mode::Split } else { Mode::Track };
-        // Asked after thousands of events of one path.
-        let eye = Eye::new(scene, eye_settings(plan, camera, (mode, None), &|| true));
+fn two_looks<'s>(
+    (scene, camera): (&'s Scene, &Camera),
+    (looks, eyes): (&[Plan; 2], &[Eye<'s>; 2]),
+    samples: u32,
+    pixel: (u32, u32),
+) -> Option<Pixel> {
+    let look = |of: usize| {
+        let (plan, eye) = (&looks[of], &eyes[of]);
         let (mut queue, mut parts, mut tally) = (Queue::default(), Parts::<'_, Path>::new(), Tally::default());
         let [mut all, mut gathered] = [0.0; 2];
         for sample in 0..samples {
@@ -172,7 +178,7 @@ fn two_looks((scene, camera): (&Scene, &Camera), looks: &[Plan; 2], samples: u32
         }
         Some([all, gathered])
     };
-    let [first, second] = looks.each_ref().map(look);
+    let [first, second] = [0, 1].map(look);
     let (first, second) = (first?, second?);
     let variance = |of: usize| 0.5 * (first[of] - second[of]).powi(2);
     Some(Pixel { mean: 0.5 * (first[0] + second[0]), all: variance(0), gathered: variance(1) })

@@ -14,6 +14,7 @@ use super::maps::{Maps, VolumeMap, mean_extinctions};
 use super::plan::Plan;
 use super::progress::Progress;
 use super::stats::Stats;
+use super::tile::by_paths;
 use super::warnings;
 use crate::Result;
 use crate::photon;
@@ -218,8 +219,7 @@ impl<P: Progress> Renderer<'_, P> {
             Some(None) => Mode::Pass,
             // Light paths bring all but emitters, and what media emit; Whitted's rays see no more of media.
             None if matches!(self.plan.method, Method::Light | Method::Whitted) => Mode::Pass,
-            None if self.plan.split => Mode::Split,
-            None => Mode::Track,
+            None => by_paths(&self.plan),
         };
         let start = Instant::now();
         self.clock.begin_samples();

@@ -1,10 +1,10 @@
 //! A sample of the film, told event by event.
 
 use super::camera::Camera;
-use super::eye::{Context, Eye, Mode, Sample, Told};
+use super::eye::{Context, Eye, Sample, Told};
 use super::limits::Limits;
 use super::plan::Plan;
-use super::tile::{eye_settings, set_out};
+use super::tile::{by_paths, eye_settings, set_out};
 use crate::gather::Queue;
 use crate::math::Ray;
 use crate::scene::description::Method;
@@ -67,8 +67,7 @@ impl<'s> Replayer<'s> {
         let place = (window.x + x, window.y + y);
         let number = (pass, (sample % samples) as u32);
         let (mut stream, ray, inside) = set_out((self.scene, &self.camera, &self.plan), place, number);
-        let mode = if self.plan.split { Mode::Split } else { Mode::Track };
-        let settings = eye_settings(&self.plan, &self.camera, (mode, None), &|| false);
+        let settings = eye_settings(&self.plan, &self.camera, (by_paths(&self.plan), None), &|| false);
         let eye = Eye::new(self.scene, settings);
         let (mut queue, mut parts, mut tally) = (Queue::default(), Parts::new(), Tally::default());
         let mut context =

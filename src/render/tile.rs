@@ -180,6 +180,11 @@ impl<P: Progress> Renderer<'_, P> {
     }
 }
 
+/// How paths deal with media.
+pub(super) fn by_paths(plan: &Plan) -> Mode<'static> {
+    if plan.split { Mode::Split } else { Mode::Track }
+}
+
 /// What the eyes of a pass are told.
 pub(super) fn eye_settings<'s>(
     plan: &'s Plan,
