@@ -352,7 +352,7 @@ impl<'s> Traveller<'s> for Probe<'_, 's> {
         let before = luggage.weight;
         let (mut shape, around) = (None, walk.inside.clone());
         match at {
-            Vertex::Surface(interaction) => {
+            Vertex::Surface(interaction) | Vertex::Guided(interaction, _) => {
                 for hit in walk.hits() {
                     let outside = hit.normal.dot(interaction.incidence.direction) < 0.0;
                     self.seen.met.insert(Met::Shape(hit.id, outside));
@@ -370,7 +370,7 @@ impl<'s> Traveller<'s> for Probe<'_, 's> {
         }
         if self.side == Side::Eye && self.seen.places.len() < PLACES {
             let (point, inside) = match at {
-                Vertex::Surface(at) => {
+                Vertex::Surface(at) | Vertex::Guided(at, _) => {
                     let (ray, inside) = at.departure(at.incidence.normal);
                     (ray.origin, inside)
                 }

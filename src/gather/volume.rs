@@ -7,8 +7,8 @@ use super::confined::Confines;
 use super::point::Marching;
 use super::segment::EyeSegment;
 use super::{
-    BeamQuery, Bundle, BundleScratch, DepthTable, Fan, GatherStats, Gathered, GlobalMemory, Lattices, PhaseLanes,
-    SampledDepths, Samples, StreamScratch,
+    BeamQuery, Bundle, BundleScratch, DepthTable, Fan, FluxMemory, GatherStats, Gathered, GlobalMemory, Lattices,
+    PhaseLanes, SampledDepths, Samples, StreamScratch,
 };
 use crate::math::{DVec3, Ray, Rgb, Vec3, one_minus_exp_over};
 use crate::medium::phase::Peak;
@@ -51,8 +51,10 @@ pub struct Queue<O> {
     pub marching: Marching,
     /// For points on surfaces: of caustics,
     pub around: PointMemory,
-    /// and of all light.
+    /// of all light,
     pub global: GlobalMemory,
+    /// and of where that comes from.
+    pub flux: FluxMemory,
     bundle: BundleScratch,
     stream: StreamScratch,
     /// What was counted.
@@ -71,6 +73,7 @@ impl<O> Default for Queue<O> {
             marching: Marching::default(),
             around: PointMemory::default(),
             global: GlobalMemory::default(),
+            flux: FluxMemory::default(),
             bundle: BundleScratch::default(),
             stream: StreamScratch::default(),
             stats: GatherStats::default(),

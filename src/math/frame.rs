@@ -24,6 +24,12 @@ impl Frame {
         }
     }
 
+    /// This frame, turned a little so that its z is the unit vector `z`.
+    pub fn turned(&self, z: DVec3) -> Frame {
+        let x = (self.x - self.x.dot(z) * z).normalize_or(Frame::around(z).x);
+        Frame { x, y: z.cross(x), z }
+    }
+
     /// From coordinates in this frame to the world.
     pub fn to_world(&self, v: DVec3) -> DVec3 {
         v.x * self.x + v.y * self.y + v.z * self.z

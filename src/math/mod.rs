@@ -5,6 +5,7 @@
 //! events. Photons and pictures are stored in `f32`.
 
 mod bounds;
+mod cells;
 mod choice;
 mod frame;
 pub mod random;
@@ -12,6 +13,7 @@ pub mod sampling;
 pub mod wide;
 
 pub use bounds::Bounds;
+pub use cells::Cells;
 pub use choice::{Choice, Distribution, choose};
 pub use frame::Frame;
 pub use random::Stream;

@@ -407,7 +407,7 @@ impl<'s> Traveller<'s> for Landing<'_, 's> {
         self.found.bill.add(self.tracer.budget, self.found.photons.len());
         luggage.own.history = luggage.own.history.after(event, &at);
         if event == Event::Scattered {
-            luggage.own.from_surface = matches!(at, Vertex::Surface(_));
+            luggage.own.from_surface = at.surface().is_some();
         }
         let is_useless = match kind {
             Kind::Caustic => luggage.own.history.ends_caustics(),

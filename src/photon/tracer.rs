@@ -483,7 +483,7 @@ impl<'s> Traveller<'s> for Flying<'_, 's> {
         parts: &mut Parts<'s, Remembered>,
     ) -> Option<Heading> {
         let heading = match at {
-            Vertex::Surface(at) => self.reflect(at, walk, luggage, parts),
+            Vertex::Surface(at) | Vertex::Guided(at, _) => self.reflect(at, walk, luggage, parts),
             Vertex::Medium(at) => self.collide(at, luggage),
         };
         luggage.events += 1;

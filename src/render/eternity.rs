@@ -93,7 +93,7 @@ impl<'s> Traveller<'s> for Wanderer<'s, '_> {
         luggage.events += 1;
         if luggage.events >= self.most {
             let ray = match at {
-                Vertex::Surface(at) => at.departure(onward.direction).0,
+                Vertex::Surface(at) | Vertex::Guided(at, _) => at.departure(onward.direction).0,
                 Vertex::Medium(at) => Ray::new(at.point, onward.direction),
             };
             self.given_up = Some(GivenUp { ray, lossless: self.left.max_element() >= 1.0 - ROUNDING });

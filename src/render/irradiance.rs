@@ -158,7 +158,9 @@ impl<'s> Filler<'_, 's> {
         let CacheSettings { cells, by_flux, .. } = self.settings;
         let mut flux = vec![0.0; cells.count()];
         if let Some(map) = self.eye.flux() {
-            map.around(at, memory, |from, power| cells.add(frame.to_local(from), power, &mut flux));
+            map.around((at.point, at.incidence.normal), memory, |from, power| {
+                cells.add(frame.to_local(from), power, &mut flux)
+            });
         }
         cells.rays(&flux, by_flux)
     }

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use crate::Result;
 use crate::gather::march::{Marcher, Stepping};
-use crate::gather::{Cells, GlobalSettings, Reach, Spacing};
-use crate::math::Bounds;
+use crate::gather::{GlobalSettings, Reach, Spacing};
+use crate::math::{Bounds, Cells};
 use crate::medium::Medium;
 use crate::medium::phase::Peak;
 use crate::photon::kernel::Profile;
@@ -216,8 +216,8 @@ impl Plan {
         let cache_rays =
             surface.gather_rays.unwrap_or_else(|| (camera_samples / SAMPLES_TO_A_RAY).clamp(fewest, most) as u32);
         let by_flux = match surface.gather_directions {
-            GatherDirections::Flux if caches => (BY_FLUX * f64::from(cache_rays)) as u32,
-            GatherDirections::Flux | GatherDirections::Bsdf => 0,
+            GatherDirections::Flux => (BY_FLUX * f64::from(cache_rays)) as u32,
+            GatherDirections::Bsdf => 0,
         };
 
         // All together.

@@ -331,6 +331,11 @@ impl Bsdf {
         }
     }
 
+    /// Whether it sends light so evenly in all directions that the cosine draws them well.
+    pub fn is_matte(&self) -> bool {
+        matches!(self, Bsdf::Reflector(Reflector::Lambert(_) | Reflector::OrenNayar(_)))
+    }
+
     /// Whether it is a sheet: what passes goes on in the direction it had.
     pub fn is_sheet(&self) -> bool {
         matches!(self, Bsdf::Thin(_))

@@ -140,10 +140,13 @@ fn density_of_crossing(scene: &Scene, crossing: &Crossing<'_>, from: &Receiver) 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::Frame;
     use crate::scene;
     use crate::surface::{Bsdf, Incidence, Lambert, Reflector, Side};
     use crate::transport::tests::{interaction, random};
-    use crate::transport::{Events, Interaction, Segment, Stop, Vertex, Visitor, Walk};
+    use crate::transport::{
+        DirectionGuide, Events, Interaction, Segment, Stop, Vertex, Visitor, Walk, direction_table,
+    };
     use std::convert::Infallible;
     use std::ops::ControlFlow;
 
@@ -202,7 +205,7 @@ intensity = 0.7
     }
 
     /// What a white surface reflects: asked for without sharing, and asked for and met with their parts, against its irradiance,
-    /// E = πL (r/d)² cos for a ball above the horizon; of few lights and of many. However coarsely rays are put off the surface, as far from the camera.
+    /// E = πL (r/d)² cos for a ball above the horizon; of few lights and of many, with a guide for what goes on and without. However coarsely rays are put off the surface, as far from the camera.
     #[test]
     fn what_is_asked_and_what_is_met_make_up_the_light() {
         const N: usize = 200_000;
@@ -212,15 +215,18 @@ intensity = 0.7
         let lamp = 0.7 / 2.0 * 0.5f64.sqrt() / std::f64::consts::PI;
         let expected = 3.0 * seen + 0.25 * (1.0 - seen) + lamp;
 
+        // What photons tell may be wrong.
+        let table = direction_table([(DVec3::new(0.8, 0.0, 0.6), 1.0)].into_iter()).expect("there is a photon");
         let mut failed = Vec::new();
         for (text, offset) in [(LAMPS.to_string(), 1e-13), (LAMPS.to_string(), 1e-6), (many_lamps(), 1e-13)] {
             let (scene, _) = scene::from_text(&text);
             let point = -scene.center;
             let at = Interaction { point, offset, ..interaction(white, Incidence::head_on()) };
-            let vertex = Vertex::Surface(&at);
-            let mut sums = [[0.0; 2]; 2];
-            for k in 0..N {
+            let guide = DirectionGuide::new(Frame::around(at.incidence.shading_normal), &table);
+            let mut sums = [[0.0; 2]; 3];
+            for k in 0..2 * N {
                 let mut stream = random(5000 + k);
+                let vertex = if k < N { Vertex::Surface(&at) } else { Vertex::Guided(&at, &guide) };
                 // Asked for, with its part and without.
                 let mut asked = [0.0; 2];
                 if let Some(light) = Asked::draw(&scene, &vertex.receiver(), &mut stream) {
@@ -255,11 +261,14 @@ intensity = 0.7
                         }
                     }
                 }
-                for (sum, x) in sums.iter_mut().zip([asked[0] + weight.x * meeting.found, asked[1]]) {
+                let both = asked[0] + weight.x * meeting.found;
+                let found = if k < N { vec![(0, both), (1, asked[1])] } else { vec![(2, both)] };
+                for (way, x) in found {
+                    let sum = &mut sums[way];
                     *sum = [sum[0] + x, sum[1] + x * x];
                 }
             }
-            for (what, [sum, squares]) in ["both", "asked"].iter().zip(sums) {
+            for (what, [sum, squares]) in ["both", "asked", "both, guided"].iter().zip(sums) {
                 let mean = sum / N as f64;
                 let error = ((squares / N as f64 - mean * mean) / N as f64).sqrt();
                 let off = (mean - expected).abs();

@@ -1,6 +1,7 @@
 //! A vertex: where a path turns, and what is done with light there.
 
 use super::events::Events;
+use super::guide::DirectionGuide;
 use super::shadow::{ShadowRay, transmit};
 use super::surface::{Event, Interaction};
 use crate::light::Receiver;
@@ -65,6 +66,8 @@ impl Collision<'_> {
 pub enum Vertex<'v> {
     /// On a surface.
     Surface(&'v Interaction),
+    /// On a matte surface, from which paths go on as a guide says.
+    Guided(&'v Interaction, &'v DirectionGuide<'v>),
     /// In a medium.
     Medium(&'v Collision<'v>),
 }
@@ -74,8 +77,17 @@ impl Vertex<'_> {
     #[inline]
     pub fn point(&self) -> DVec3 {
         match self {
-            Vertex::Surface(at) => at.point,
+            Vertex::Surface(at) | Vertex::Guided(at, _) => at.point,
             Vertex::Medium(at) => at.point,
+        }
+    }
+
+    /// The surface, if it is on one.
+    #[inline]
+    pub fn surface(&self) -> Option<&Interaction> {
+        match self {
+            Vertex::Surface(at) | Vertex::Guided(at, _) => Some(at),
+            Vertex::Medium(_) => None,
         }
     }
 
@@ -83,7 +95,7 @@ impl Vertex<'_> {
     #[inline]
     pub fn receiver(&self) -> Receiver {
         match self {
-            Vertex::Surface(at) if at.bsdf.boundary(&at.incidence).is_none() => {
+            Vertex::Surface(at) | Vertex::Guided(at, _) if at.bsdf.boundary(&at.incidence).is_none() => {
                 Receiver { point: at.point, normal: at.incidence.shading_normal }
             }
             _ => Receiver::around(self.point()),
@@ -94,7 +106,7 @@ impl Vertex<'_> {
     #[inline]
     pub fn event(&self, onward: &Onward) -> Event {
         match self {
-            Vertex::Surface(at) => at.event(onward),
+            Vertex::Surface(at) | Vertex::Guided(at, _) => at.event(onward),
             Vertex::Medium(_) => Event::Scattered,
         }
     }
@@ -103,7 +115,7 @@ impl Vertex<'_> {
     #[inline]
     pub fn casts_caustics(&self) -> bool {
         match self {
-            Vertex::Surface(at) => at.caustics.casts,
+            Vertex::Surface(at) | Vertex::Guided(at, _) => at.caustics.casts,
             Vertex::Medium(_) => true,
         }
     }
@@ -112,7 +124,7 @@ impl Vertex<'_> {
     #[inline]
     pub fn nature(&self) -> Nature {
         match self {
-            Vertex::Surface(at) => at.bsdf.nature(),
+            Vertex::Surface(at) | Vertex::Guided(at, _) => at.bsdf.nature(),
             Vertex::Medium(_) => Nature::Diffuse,
         }
     }
@@ -121,7 +133,7 @@ impl Vertex<'_> {
     #[inline]
     pub fn albedo(&self) -> Rgb {
         match self {
-            Vertex::Surface(at) => at.bsdf.albedo(&at.incidence),
+            Vertex::Surface(at) | Vertex::Guided(at, _) => at.bsdf.albedo(&at.incidence),
             Vertex::Medium(at) => at.albedo(),
         }
     }
@@ -140,6 +152,11 @@ impl Vertex<'_> {
     ) {
         match self {
             Vertex::Surface(at) => at.bsdf.toward(&at.incidence, o, side, both, weight, stream, part),
+            Vertex::Guided(at, guide) => {
+                let ahead = Rgb::splat(guide.density(o));
+                let guided = |weight: Rgb, sent: Scattering| part(weight, Scattering { ahead, ..sent });
+                at.bsdf.toward(&at.incidence, o, side, both, weight, stream, guided);
+            }
             Vertex::Medium(at) => {
                 let (phase, density) = at.phase(o);
                 part(weight, Scattering { value: at.medium.albedo_at(at.point) * phase, ahead: Rgb::splat(density) });
@@ -161,6 +178,15 @@ impl Vertex<'_> {
             Vertex::Surface(at) => stream.draw(Dimension::Direction, |stream| {
                 at.bsdf.onward(&at.incidence, side, lobe, weight, stream, survives)
             }),
+            Vertex::Guided(at, guide) => {
+                let direction = stream.draw(Dimension::Direction, |stream| guide.direction(stream.uniform2()));
+                let (mut value, density) = (Rgb::ZERO, guide.density(direction));
+                at.bsdf.toward(&at.incidence, direction, side, false, Rgb::ONE, stream, |weight, sent| {
+                    value += weight * sent.value;
+                });
+                let goes_on = density > 0.0 && value.max_element() > 0.0 && survives(weight, value / density, stream);
+                goes_on.then_some(Onward { direction, density })
+            }
             Vertex::Medium(at) => {
                 if !survives(weight, at.albedo(), stream) {
                     return None;
@@ -182,7 +208,7 @@ impl Vertex<'_> {
         stream: &mut Stream,
     ) -> u64 {
         match self {
-            Vertex::Surface(at) => {
+            Vertex::Surface(at) | Vertex::Guided(at, _) => {
                 let (ray, inside) = at.departure(o);
                 let shadow = ShadowRay::new(ray.origin, at.point, o, distance, normal);
                 transmit(scene, shadow, &inside, most, weight, stream)

@@ -51,7 +51,7 @@ impl Looking<'_, '_, '_> {
 
     /// Light of points of glowing media.
     pub(super) fn ask_glows(&mut self, at: Vertex<'_>, luggage: &Luggage<Path>) {
-        let count = if matches!(at, Vertex::Surface(_)) { self.embers(luggage.events) } else { 1 };
+        let count = if matches!(at, Vertex::Medium(_)) { 1 } else { self.embers(luggage.events) };
         for _ in 0..count {
             self.ask_glow(at, luggage, count);
         }
@@ -107,7 +107,7 @@ impl Looking<'_, '_, '_> {
                 let shadow = ShadowRay::new(at.point, at.point, direction, distance, normal);
                 transmit_straight(scene, shadow, at.inside, most, &mut weight, stream)
             }
-            Vertex::Surface(surface) if !self.must_ask(surface, &asked, &mut weight) => 0,
+            Vertex::Surface(surface) | Vertex::Guided(surface, _) if !self.must_ask(surface, &asked, &mut weight) => 0,
             _ => at.transmit(scene, (direction, distance, normal), most, &mut weight, self.context.stream),
         };
         // It comes straight to here: a caustic if a narrow lobe sends it on, but not for what was mirrored before on the eye's side.

@@ -28,8 +28,8 @@ use crate::scene::description::SingleScattering;
 use crate::scene::{Inside, Scene};
 use crate::surface::{Lobe, Nature, Side};
 use crate::transport::{
-    Collision, Crossing, Event, Events, Glows, Heading, Interaction, Landing, Luggage, Part, Parts, Segment, Tally,
-    Traveller, Turn, Vertex, Walk, travel,
+    Collision, Crossing, DirectionGuide, Event, Events, Glows, Heading, Interaction, Landing, Luggage, Part, Parts,
+    Segment, Tally, Traveller, Turn, Vertex, Walk, travel,
 };
 pub(super) use component::First;
 
@@ -130,8 +130,10 @@ pub struct Path {
     bent: bool,
     /// Whether caustics of what it has met since are left out: something casts none, or they fall on what receives none.
     uncast: bool,
-    /// What it has yet to find.
+    /// What it has yet to find,
     seeks: Seeks,
+    /// and where it seeks what is scattered, how far it came by specular events alone.
+    way: f64,
     /// Whether what shines straight on, on the way that it takes, is known already: see [`Looking::glimpse`],
     glimpsed: bool,
     /// and whether it is on the way that the surface mirrors to which it has come.
@@ -276,6 +278,7 @@ impl<'s> Eye<'s> {
             bent: false,
             uncast: false,
             seeks: Seeks::All,
+            way: 0.0,
             glimpsed: false,
             mirror_glimpsed: false,
             splits,
@@ -289,7 +292,7 @@ impl<'s> Eye<'s> {
     }
 
     /// What a gather ray finds of scattered light, along `direction` from a surface to which `walk` has come, and how far away the
-    /// surface is that it meets first. No emitter counts: it is asked for.
+    /// surface is that it meets first, along the way that mirrors and glass lead it. No emitter counts: it is asked for.
     pub fn gather(
         &self,
         at: &Interaction,
@@ -309,6 +312,7 @@ impl<'s> Eye<'s> {
             bent: false,
             uncast: !at.caustics.receives,
             seeks: Seeks::Scattered,
+            way: 0.0,
             glimpsed: false,
             mirror_glimpsed: false,
             splits: false,
@@ -393,7 +397,7 @@ impl<'s> Traveller<'s> for Looking<'_, '_, 's> {
         parts: &mut Parts<'s, Path>,
     ) -> Option<Heading> {
         match at {
-            Vertex::Surface(at) => self.reflect(at, walk, luggage, parts),
+            Vertex::Surface(at) | Vertex::Guided(at, _) => self.reflect(at, walk, luggage, parts),
             Vertex::Medium(at) => self.collide(at, luggage),
         }
     }
@@ -429,8 +433,11 @@ impl<'s> Looking<'_, '_, 's> {
 
         // What denoisers and compositors ask for, of the first surface.
         let is_first = luggage.own.first.is_none() || luggage.own.seeks == Seeks::Scattered;
-        if is_first && self.sample.depth.is_infinite() {
-            self.sample.depth = at.t;
+        if luggage.own.seeks == Seeks::Scattered && nature == Nature::Specular {
+            // What a mirror or glass shows lies as far behind it as light has yet to go.
+            luggage.own.way += at.t;
+        } else if is_first && self.sample.depth.is_infinite() {
+            self.sample.depth = luggage.own.way + at.t;
             self.sample.normal = at.incidence.shading_normal;
             self.sample.albedo = albedo;
         }
@@ -450,7 +457,7 @@ impl<'s> Looking<'_, '_, 's> {
         // What its coat or a sheet mirrors: all of it, apart from what the base sends or the sheet lets pass, or what shines in it.
         let coat = if passes { Some(Lobe::Refracted) } else { self.splits_coat(luggage, at) };
         if let Some(base) = coat.filter(|_| !passes) {
-            self.send_apart(at, walk, luggage, parts, Some(base.other()));
+            self.send_apart(vertex, walk, luggage, parts, Some(base.other()));
         }
         luggage.own.mirror_glimpsed = coat.is_none() && self.glimpse(at, walk, luggage);
         luggage.own.diffuse |= diffuse;
@@ -473,6 +480,12 @@ impl<'s> Looking<'_, '_, 's> {
 
         // Light asked for.
         let lesser = self.splits(luggage, at);
+        let told = match self.eye.settings.indirect {
+            Indirect::Gather { cache: Some(cache), .. } if diffuse => self.read_cache(cache, at, luggage),
+            _ => false,
+        };
+        let guide = if diffuse && !gathers && !told && coat.is_none() { self.guide(at) } else { None };
+        let vertex = guide.as_ref().map_or(vertex, |guide| Vertex::Guided(at, guide));
         if nature != Nature::Specular && !self.is_known(at, luggage) {
             self.ask(vertex, luggage, lesser.or(coat).is_some());
         }
@@ -480,37 +493,39 @@ impl<'s> Looking<'_, '_, 's> {
             self.read_caustics(at, luggage);
             match self.eye.settings.indirect {
                 Indirect::Nobody => return self.send_for_emission(at, luggage, coat),
-                Indirect::Gather { rays, cache, .. } => {
-                    if cache.is_some_and(|cache| self.read_cache(cache, at, luggage)) {
-                        return self.send_for_emission(at, luggage, coat);
-                    }
-                    if !gathers && rays > 1 {
-                        luggage.weight /= f64::from(rays);
-                        luggage.own.share /= f64::from(rays);
-                        for _ in 1..rays {
-                            self.send_apart(at, walk, luggage, parts, coat);
-                        }
+                Indirect::Gather { .. } if told => return self.send_for_emission(at, luggage, coat),
+                Indirect::Gather { rays, .. } if !gathers && rays > 1 => {
+                    luggage.weight /= f64::from(rays);
+                    luggage.own.share /= f64::from(rays);
+                    for _ in 1..rays {
+                        self.send_apart(vertex, walk, luggage, parts, coat);
                     }
                 }
-                Indirect::Path | Indirect::Map(_) => {}
+                Indirect::Gather { .. } | Indirect::Path | Indirect::Map(_) => {}
             }
         }
 
         // On, both ways where that matters: the lesser part waits.
-        let Some(lesser) = lesser else { return self.send(at, luggage, coat) };
+        let Some(lesser) = lesser else { return self.send(vertex, luggage, coat) };
         let other = luggage.clone();
-        let heading = self.send(at, luggage, Some(lesser.other()));
-        self.send_apart(at, walk, &other, parts, Some(lesser));
+        let heading = self.send(vertex, luggage, Some(lesser.other()));
+        self.send_apart(vertex, walk, &other, parts, Some(lesser));
         heading
     }
 
+    /// Where gather rays go on from a matte surface, as photons tell.
+    fn guide(&mut self, at: &Interaction) -> Option<DirectionGuide<'s>> {
+        let flux = self.eye.flux().filter(|_| at.bsdf.is_matte())?;
+        flux.guide(at, &mut self.context.queue.flux)
+    }
+
     /// Draws where a path goes on from a surface.
-    fn send(&mut self, at: &Interaction, luggage: &mut Luggage<Path>, lobe: Option<Lobe>) -> Option<Heading> {
+    fn send(&mut self, vertex: Vertex<'_>, luggage: &mut Luggage<Path>, lobe: Option<Lobe>) -> Option<Heading> {
+        let at = vertex.surface()?;
         let always = |weight: &mut Rgb, factor: Rgb, _: &mut Stream| {
             *weight *= factor;
             true
         };
-        let vertex = Vertex::Surface(at);
         let onward = vertex.onward(Side::Eye, lobe, &mut luggage.weight, self.context.stream, always)?;
         let (event, diffuse) = (at.event(&onward), vertex.nature() == Nature::Diffuse);
         if onward.density > 0.0 {
@@ -554,7 +569,7 @@ impl<'s> Looking<'_, '_, 's> {
             return None;
         }
         let seeks = luggage.own.seeks;
-        let heading = self.send(at, luggage, None);
+        let heading = self.send(Vertex::Surface(at), luggage, None);
         luggage.own.seeks = seeks;
         heading.filter(|_| matches!(luggage.own.turn, Turn::Specular))
     }
@@ -569,7 +584,7 @@ impl<'s> Looking<'_, '_, 's> {
         if !self.eye.meets_emission {
             return self.send_bent(at, luggage, coat);
         }
-        let heading = self.send(at, luggage, coat);
+        let heading = self.send(Vertex::Surface(at), luggage, coat);
         if matches!(luggage.own.turn, Turn::Surface { .. }) {
             luggage.own.seeks = Seeks::Emitted;
         }
@@ -579,14 +594,15 @@ impl<'s> Looking<'_, '_, 's> {
     /// Sends a part on from a surface, to be followed later.
     fn send_apart(
         &mut self,
-        at: &Interaction,
+        vertex: Vertex<'_>,
         walk: &Walk<'s>,
         luggage: &Luggage<Path>,
         parts: &mut Parts<'s, Path>,
         lobe: Option<Lobe>,
     ) {
+        let Some(at) = vertex.surface() else { return };
         let mut part = luggage.part(luggage.weight, luggage.own.clone());
-        if let Some(Heading { direction }) = self.send(at, &mut part, lobe) {
+        if let Some(Heading { direction }) = self.send(vertex, &mut part, lobe) {
             let mut walk = walk.clone();
             walk.leave(at, direction);
             parts.push(Part { walk, luggage: part, collision: None });

@@ -157,7 +157,7 @@ impl<'s> Traveller<'s> for Telling<'_, '_, 's> {
         let onward = heading.as_ref().map(|heading| heading.direction);
         let what = match at {
             Vertex::Medium(at) => Happening::Collision { medium: at.index, onward },
-            Vertex::Surface(_) => {
+            Vertex::Surface(_) | Vertex::Guided(..) => {
                 let shapes = walk.hits().iter().map(|hit| hit.id).collect();
                 Happening::Surface { shapes, nature: at.nature(), onward }
             }
