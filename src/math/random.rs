@@ -32,6 +32,8 @@ pub enum Purpose {
     Shadow = 11,
     /// A path from the eye that tells where photons count.
     Importon = 12,
+    /// How wide a light is, for the choice of a method.
+    Choice = 13,
 }
 
 /// What a number of a camera sample, a light path or a photon is for: the first draw of each is spread evenly over a pixel's

@@ -10,9 +10,10 @@ use super::plan::Plan;
 use super::tile::{by_paths, eye_settings, set_out};
 use crate::Result;
 use crate::gather::Queue;
-use crate::math::random::mix;
+use crate::math::Stream;
+use crate::math::random::{Purpose, mix};
 use crate::scene::description::{Method, Render};
-use crate::scene::{Scene, Settings};
+use crate::scene::{Scene, Settings, Surface};
 use crate::surface::Material;
 use crate::transport::{Parts, Tally};
 
@@ -25,9 +26,19 @@ pub struct Choice {
     pub why: String,
 }
 
-/// Paths that are good enough leave this relative squared error, with as many camera samples as the render has: photons come to no less in most
-/// scenes, and have maps to be built first.
-const GOOD: f64 = 0.002;
+/// The relative squared error that photons leave where they fare best. Paths that cost so much less leave so much more at the same product of error and time,
+const PHOTONS_LEAVE: f64 = 0.001;
+/// but are good enough with the first of these, and with the second at most: that is grain which one sees.
+const GOOD: [f64; 2] = [0.002, 0.005];
+/// A light is wide if its part of what it might send to a place comes from so many steradians: paths then meet it by chance often enough for a pilot to tell what
+/// noise caustics are.
+const WIDE: f64 = 0.05;
+/// Draws of each light that tell its width,
+const DRAWS: u64 = 16;
+/// from so many of the shapes that mirror or refract, at most,
+const CASTERS: usize = 16;
+/// and with so many lights, at most.
+const LIGHTS: usize = 64;
 /// What photons would gather.
 const GATHERED: [Component; 4] =
     [Component::Indirect, Component::Caustic, Component::VolumeSingle, Component::VolumeMultiple];
@@ -48,9 +59,9 @@ const DARK: f64 = 0.01;
 /// Chooses between paths and photons for a scene that leaves the method to the plan ([`Render::automatic`]); `None` where it names one. The choice depends
 /// on scene, seed and settings alone.
 ///
-/// Paths are chosen where nothing mirrors or refracts, which may throw caustics that a few paths do not tell of, and where a pilot of paths finds that the picture's
-/// camera samples leave a relative squared error of 0.002 or less; or that, of the noise they leave, so little is of light that photons would gather, V_g against V of
-/// all other, that N photons cost more than they save: V_g P S < V N, with S samples of P pixels.
+/// Paths are chosen where nothing mirrors or refracts a light of less than 0.05 sr, which may throw caustics that a few paths do not tell of, and where a pilot of paths
+/// finds that the picture's camera samples leave a relative squared error of 0.002 or less, or, where N photons cost more than the S samples of P pixels, 0.001 (1 + N/P S), up
+/// to 0.005; or that, of the noise they leave, so little is of light that photons would gather, V_g against V of all other, that photons cost more than they save: V_g P S < V N.
 ///
 /// # Errors
 /// As [`Plan::new`].
@@ -59,8 +70,8 @@ pub fn choose(scene: &Scene, settings: &Settings) -> Result<Option<Choice>> {
         return Ok(None);
     }
     let photons = |why: &str| Ok(Some(Choice { method: Method::Photon, why: why.to_string() }));
-    if scene.surfaces.iter().any(|surface| scene.any_part(&surface.material, &Material::is_narrow)) {
-        return photons("as what mirrors or refracts may throw caustics, which paths find by chance");
+    if throws_narrow_caustics(scene, settings.render.seed) {
+        return photons("as what mirrors or refracts a narrow light may throw caustics, which paths find by chance");
     }
     let by_paths = Settings { render: Render { method: Method::Path, ..settings.render.clone() }, ..settings.clone() };
     let camera = Camera::new(&scene.camera, &settings.film);
@@ -76,8 +87,9 @@ pub fn choose(scene: &Scene, settings: &Settings) -> Result<Option<Choice>> {
     let samples = u64::from(plan.samples);
     let photons = volume_photons(scene, settings) + global_photons(scene, settings);
     let worth = A_PHOTON * photons as f64 / (all as f64 * samples as f64);
-    Ok(Some(match noise((scene, &camera, plan), pixels, samples, worth) {
-        Some(Noise { all, .. }) if all <= GOOD => Choice {
+    let good = (PHOTONS_LEAVE * (1.0 + worth)).clamp(GOOD[0], GOOD[1]);
+    Ok(Some(match noise((scene, &camera, plan), pixels, samples, (good, worth)) {
+        Some(Noise { all, .. }) if all <= good => Choice {
             method: Method::Path,
             why: format!("as {samples} paths a pixel leave a relative squared error of {all:.1e}"),
         },
@@ -93,6 +105,30 @@ pub fn choose(scene: &Scene, settings: &Settings) -> Result<Option<Choice>> {
     }))
 }
 
+/// Whether something mirrors or refracts light that comes from few directions.
+fn throws_narrow_caustics(scene: &Scene, seed: u64) -> bool {
+    let casts = |surface: &Surface| scene.any_part(&surface.material, &Material::is_narrow);
+    let casters: Vec<u32> = (0..).zip(&scene.surfaces).filter(|(_, surface)| casts(surface)).map(|(i, _)| i).collect();
+    if !casters.is_empty() && (scene.lights.len() > LIGHTS || !scene.glows.is_empty()) {
+        return true;
+    }
+    casters.iter().step_by(casters.len().div_ceil(CASTERS).max(1)).any(|&shape| {
+        let bounds = scene.geometry.bounds(shape).intersection(scene.near_bounds());
+        let center = 0.5 * (bounds.min + bounds.max);
+        (0..).zip(&scene.lights).any(|(index, light)| {
+            // 1/∫ p² dω: the solid angle, of light that comes evenly from it.
+            let (mut drawn, mut density) = (0.0, 0.0);
+            for draw in 0..DRAWS {
+                let mut stream = Stream::new(seed, Purpose::Choice, u64::from(shape), index * DRAWS + draw);
+                if let Some(arrival) = light.arrive(&scene.geometry, None, center, &mut stream) {
+                    (drawn, density) = (drawn + 1.0, density + arrival.density);
+                }
+            }
+            !light.has_size() || density * WIDE > drawn
+        })
+    })
+}
+
 /// The relative squared error that paths leave,
 struct Noise {
     /// of all light,
@@ -102,8 +138,13 @@ struct Noise {
 }
 
 /// What so many paths a pixel leave, from so many pixels at most, and fewer where there is no doubt that photons are better; `None` where a path has no end in
-/// sight. `worth`: what photons cost against camera samples.
-fn noise((scene, camera, plan): (&Scene, &Camera, Plan), pixels: u64, samples: u64, worth: f64) -> Option<Noise> {
+/// sight. `good`: what noise is good enough, `worth`: what photons cost against camera samples.
+fn noise(
+    (scene, camera, plan): (&Scene, &Camera, Plan),
+    pixels: u64,
+    samples: u64,
+    (good, worth): (f64, f64),
+) -> Option<Noise> {
     let (width, height) = camera.size();
     // Apart: of another seed.
     let looks = [plan.clone(), Plan { seed: mix(plan.seed), ..plan }];
@@ -135,7 +176,7 @@ fn noise((scene, camera, plan): (&Scene, &Camera, Plan), pixels: u64, samples: u
             each.sum::<f64>() / found.len() as f64 * f64::from(taken) / samples as f64
         };
         noise = Noise { all: relative(|pixel| pixel.all), gathered: relative(|pixel| pixel.gathered) };
-        if noise.all > 2.0 * GOOD && noise.gathered > 2.0 * worth * (noise.all - noise.gathered) {
+        if noise.all > 2.0 * good && noise.gathered > 2.0 * worth * (noise.all - noise.gathered) {
             break;
         }
     }
@@ -210,7 +251,7 @@ material = "white"
     const FOG: &str = "\n[world]\nmedium = \"fog\"\n";
     const PEBBLE: &str = "\n[[shapes]]\ntype = \"sphere\"\ncenter = [0, 0, 0]\nradius = 1\nmaterial = ";
 
-    /// An even sky on a plane is for paths; fog around a lamp, and glass, are for photons, and so is whatever says how photons are to be used; a method that is
+    /// An even sky on a plane is for paths, and so is glass under it; fog around a lamp, and glass beside one, are for photons, and so is whatever says how photons are to be used; a method that is
     /// named stays.
     #[test]
     fn paths_are_chosen_where_they_have_little_noise() {
@@ -221,7 +262,8 @@ material = "white"
         let ball = format!("{PEBBLE}\"white\"\n");
         let glass = format!("{PEBBLE}\"glass\"\n");
         assert_eq!(chosen(&[&ball, SKY]), Some(Method::Path));
-        assert_eq!(chosen(&[&glass, SKY]), Some(Method::Photon));
+        assert_eq!(chosen(&[&glass, SKY]), Some(Method::Path));
+        assert_eq!(chosen(&[&glass, SKY, LAMP]), Some(Method::Photon));
         assert_eq!(chosen(&[FOG, &ball, LAMP]), Some(Method::Photon));
         let says = ["[photons]\nvolume = 1000", "[volume]\nneighbours = 50", "[surface]\nindirect = \"map\""];
         for says in says.into_iter().chain(["[render]\nmethod = \"path\""]) {
