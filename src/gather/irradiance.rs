@@ -49,6 +49,8 @@ pub struct Record {
     gradients: [DVec3; 3],
     /// The least that the radii are shortened to.
     shortest: [f64; 2],
+    /// The part that its derivatives hold for of the ellipse in which it counts.
+    held: f64,
     /// The standard error of the irradiance's luminance, were the rays independent.
     noise: f64,
 }
@@ -57,6 +59,8 @@ pub struct Record {
 const MOST_TURNED: f64 = 0.9;
 /// Records count as far above or below their tangent plane as this share of the shorter radius.
 const FLATTENED: f64 = 0.3;
+/// Records count no less than so much for telling of a small part of where they count.
+const LEAST_HELD: f64 = 1e-6;
 /// As far as so many times where they count, records yield to what others say.
 const REACH: f64 = 1.5;
 /// What is at infinity is at this many times the largest radius for the mesh.
@@ -136,9 +140,16 @@ impl Record {
         // Where it is dark, no error matters; what is not a number is not to be trusted.
         let shortest = [frame.x, frame.y].map(|axis| limits.least_along(axis));
         let within = |radius: f64, least: f64| if radius >= least { radius.min(limits.most) } else { least };
-        let radii = [within(radii[0], shortest[0]), within(radii[1], shortest[1])];
+        let told = radii;
+        let radii = [within(told[0], shortest[0]), within(told[1], shortest[1])];
+        // Where it counts farther than its derivatives hold, what they tell of its edge holds there.
+        let held = |told: f64, radius: f64| if told < radius { (told / radius).max(0.0) } else { 1.0 };
+        let [along, across] = [held(told[0], radii[0]), held(told[1], radii[1])];
+        let held = (along * across).max(LEAST_HELD);
+        let shorten = |slope: DVec3| along * slope.dot(frame.x) * frame.x + across * slope.dot(frame.y) * frame.y;
+        let gradients = gradients.map(shorten);
         let noise = (squares - irradiance * irradiance / found.len() as f64).max(0.0).sqrt();
-        Record { point, frame, radii, vectors, gradients, shortest, noise }
+        Record { point, frame, radii, vectors, gradients, shortest, held, noise }
     }
 
     /// The record with all radii `scale` times as long.
@@ -149,7 +160,7 @@ impl Record {
 
     /// Shortens the radii if what it tells of the place of another is farther off what that says than it may be: by `error` at the
     /// ends of the ellipse, growing with the square of the distance, and by what both do not know. What the mesh cannot know, such as where in a
-    /// medium light comes from, shows there (as Křivánek et al. 2006 clamp by neighbours).
+    /// medium light comes from, shows there (as Křivánek et al. 2006 clamp by neighbours). What tells of a part of a pixel alone is yielded to as little.
     fn yield_to(&mut self, other: &Record, error: f64) {
         let said = luminance(other.irradiance(other.point, other.frame.z));
         let distance = self.distance(other.point, other.frame.z);
@@ -157,7 +168,7 @@ impl Record {
             return;
         }
         let off = (luminance(self.irradiance(other.point, other.frame.z)) - said).abs() - self.noise - other.noise;
-        let ratio = off / (said * error * distance * distance);
+        let ratio = other.held * off / (said * error * distance * distance);
         if ratio > 1.0 {
             for (radius, shortest) in self.radii.iter_mut().zip(self.shortest) {
                 *radius = (*radius / ratio.sqrt()).max(shortest.min(*radius));
@@ -165,9 +176,10 @@ impl Record {
         }
     }
 
-    /// What it counts at a point of a surface with this shading normal: from 1 there to 0 where it ends.
+    /// What it counts at a point of a surface with this shading normal: from 1 there to 0 where it ends, and less where it tells of a part of a
+    /// pixel alone, such as the gap behind a lamp's rim: beside records of more than that it would be a blotch.
     fn weight(&self, point: DVec3, normal: DVec3) -> f64 {
-        1.0 - self.distance(point, normal)
+        self.held * (1.0 - self.distance(point, normal))
     }
 
     /// How far a point of a surface with this shading normal is, as a share of how far it counts.
