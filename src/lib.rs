@@ -14,7 +14,7 @@
 //!   [`scene::Scene`] of it: files loaded, instances placed, the middle moved to the origin. How a picture of it is
 //!   computed, [`scene::Settings`] say.
 //! - [`render`] decides once what the scene needs (the [`render::Plan`]), then makes passes: photons, maps, and
-//!   camera samples that walk from surface to surface.
+//!   camera samples that walk from surface to surface. What that will be, a [`render::Forecast`] tells.
 //! - [`photon`] draws photons from lights and glowing media, walks them, stores them where they collide, or, bent by glass and mirrors,
 //!   land on surfaces, finds their radii and builds the hierarchy over their discs.
 //! - [`gather`] answers beam queries: what a segment of a ray receives from the discs it crosses; and point queries,

@@ -232,7 +232,10 @@ fn what_is_wrong_is_refused_before_the_work() {
         (vec!["diff", "broken.exr", "broken.exr"], 2, "broken.exr"),
         (vec!["info", "notes.txt"], 2, ".toml, .vdb, .npy, .obj"),
         (vec!["info", "broken.exr"], 2, "broken.exr"),
-        (vec!["plan", NAME], 2, "`volpm plan` is not supported yet"),
+        (vec!["plan", "missing.toml"], 2, "missing.toml"),
+        (vec!["plan", NAME, "--set", "film.widht=3"], 2, "did you mean `width`"),
+        (vec!["plan", NAME, "--strict", "--set", "lights=[]"], 2, "(warnings are errors: --strict)"),
+        (vec!["plan", NAME, "--memory", "1MB"], 2, "are not enough"),
         (vec!["new", "scene"], 2, "`volpm new` is not supported yet"),
         (vec!["help", "media.fog.sigma_s"], 2, "not supported yet"),
         (render(&["--passes", "0"]), 2, "--passes"),
@@ -397,13 +400,13 @@ fn what_cannot_be_told_costs_no_picture() {
         assert_eq!(done.code(), Some(0), "stderr is {how}");
         assert!(image::read(folder.path().join("a.pfm")).is_ok(), "stderr is {how}");
         fs::remove_file(folder.path().join("a.pfm")).unwrap();
-        for arguments in [&["render", "nowhere.toml"][..], &["render", "--nonsense"], &["plan"]] {
+        for arguments in [&["render", "nowhere.toml"][..], &["render", "--nonsense"], &["new"]] {
             let done = program(folder.path(), arguments).stderr(stderr()).status().unwrap();
             assert_eq!(done.code(), Some(2), "{arguments:?}: stderr is {how}");
         }
     }
     // What was asked for is the work itself: a reader may have enough of it, a disk not.
-    for arguments in [&["info", NAME][..], &["--help"], &["--version"]] {
+    for arguments in [&["info", NAME][..], &["plan", NAME], &["--help"], &["--version"]] {
         for (stdout, status) in [(hung_up(), 0), (full(), 1)] {
             let done = program(folder.path(), arguments).stdout(stdout).output().unwrap();
             assert_eq!(done.status.code(), Some(status), "{arguments:?}: {}", text(&done.stderr));

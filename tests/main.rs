@@ -23,6 +23,7 @@ mod materials;
 mod panes;
 mod passes;
 mod peaks;
+mod plan;
 mod point_queries;
 mod references;
 #[cfg(feature = "report")]

@@ -6,6 +6,8 @@ mod diff;
 mod info;
 mod merge;
 mod picture;
+mod plan;
+mod planned;
 mod progress;
 mod render;
 #[cfg(feature = "tev")]
@@ -45,6 +47,8 @@ enum Command {
     Diff(diff::Arguments),
     /// Joins checkpoints of one scene made with other seeds or passes.
     Merge(merge::Arguments),
+    /// Which passes and structures a scene gets, and why not others.
+    Plan(plan::Arguments),
     /// What is in a scene, .vdb, .obj, .npy, image or checkpoint file.
     Info(info::Arguments),
 }
@@ -72,6 +76,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Check(arguments) => check::run(&arguments),
         Command::Diff(arguments) => diff::run(&arguments),
         Command::Merge(arguments) => merge::run(&arguments),
+        Command::Plan(arguments) => plan::run(&arguments),
         Command::Info(arguments) => info::run(&arguments),
     };
     status(done)
@@ -89,7 +94,7 @@ fn status(done: Result<()>) -> ExitCode {
 }
 
 /// Commands that the manual promises for later.
-const LATER_COMMANDS: [&str; 2] = ["plan", "new"];
+const LATER_COMMANDS: [&str; 1] = ["new"];
 
 /// What to say where the command line is refused for a command that is not built yet.
 fn still_to_come(error: &clap::Error, asks_for_help: bool) -> Option<String> {

@@ -8,6 +8,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::picture::{Facts, picture, tone};
+use super::planned::{Loaded, Planned, warned};
 use super::progress::Bar;
 #[cfg(feature = "tev")]
 use super::tev::Viewer;
@@ -18,31 +19,19 @@ use crate::compare::peak_bytes;
 use crate::image::{self, Format};
 use crate::medium;
 use crate::render::checkpoint::Subject;
-use crate::render::{self, Checkpoint, Choice, End, Film, Limits, Rendering, Stats};
+use crate::render::{self, Camera, Checkpoint, End, Film, Forecast, Limits, Plan, Rendering, Stats};
+use crate::scene::Scene;
 use crate::scene::description::Description;
-use crate::scene::{self, Scene, Settings};
 use crate::{Error, Result};
 
 #[derive(Args)]
 pub struct Arguments {
-    /// The scene file (.toml).
-    scene: PathBuf,
+    #[command(flatten)]
+    planned: Planned,
     /// Where to write the image, by ending: .exr, .png, .pfm or .hdr; repeatable. Default: <scene>.exr and
     /// <scene>.png in the current folder.
     #[arg(short, long, value_name = "FILE")]
     out: Vec<PathBuf>,
-    /// Overrides a key of the scene file, by its dotted path; repeatable.
-    #[arg(long, value_name = "KEY=VALUE")]
-    set: Vec<String>,
-    /// Camera samples per pixel (render.samples).
-    #[arg(long, value_name = "N")]
-    samples: Option<u64>,
-    /// The seed of all random numbers (render.seed).
-    #[arg(long, value_name = "N")]
-    seed: Option<u64>,
-    /// Passes, each with fresh photons in narrower discs (render.passes).
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    passes: Option<u32>,
     /// Makes only these passes of a longer render, counted from 1, both ends included: 9..16.
     #[arg(long, value_name = "A..B", value_parser = values::passes, conflicts_with = "passes")]
     pass_range: Option<RangeInclusive<u32>>,
@@ -53,9 +42,6 @@ pub struct Arguments {
     /// Refines until the standard error over passes is so small a share of the image: 2%.
     #[arg(long, value_name = "SHARE", value_parser = values::share)]
     target_error: Option<f64>,
-    /// Splits passes so that the render takes about this much memory at most: 8GiB.
-    #[arg(long, value_name = "SIZE", value_parser = values::bytes)]
-    memory: Option<u64>,
     /// Keeps finished passes in this file, for --resume and `volpm merge`: now and then, on Ctrl-C, and in the end.
     #[arg(long, value_name = "FILE")]
     checkpoint: Option<PathBuf>,
@@ -76,18 +62,12 @@ pub struct Arguments {
     /// in the pixel, all from 0. By method "path" alone.
     #[arg(long, value_name = "X,Y,SAMPLE", value_parser = values::replay)]
     replay: Option<((u32, u32), u64)>,
-    /// Threads to use; default: all cores.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
     /// Writes what the render cost as JSON.
     #[arg(long, value_name = "FILE.json")]
     stats: Option<PathBuf>,
     /// No progress and no messages but errors.
     #[arg(short, long)]
     quiet: bool,
-    /// Warnings are errors: of the scene before anything is rendered, of the render once its image is written.
-    #[arg(long)]
-    strict: bool,
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
@@ -102,26 +82,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         image::check_target(path)?;
     }
     let before = arguments.resume.as_ref().map(|path| Ok((path, Checkpoint::read(path)?))).transpose()?;
-    let mut overrides = arguments.set.clone();
-    overrides.extend(arguments.samples.map(|n| format!("render.samples={n}")));
-    overrides.extend(arguments.seed.map(|n| format!("render.seed={n}")));
-    overrides.extend(arguments.passes.map(|n| format!("render.passes={n}")));
-
     let stop = super::stop_on_signal()?;
-    let pool = super::pool(arguments.threads)?;
-    let (description, scene, settings, choice) = pool.install(|| -> Result<_> {
-        let mut description = scene::read(&arguments.scene, &overrides)?;
-        let (scene, settings) = scene::build(&description)?;
-        let choice = render::choose(&scene, &settings)?;
-        if let Some(Choice { method, .. }) = choice {
-            (description.render.method, description.render.automatic) = (method, false);
-        }
-        let settings = Settings::of(&description);
-        Ok((description, scene, settings, choice))
-    })?;
-    if arguments.strict && !scene.warnings.is_empty() {
-        return Err(Error::Scene(warned(&scene.warnings)));
-    }
+    let pool = super::pool(arguments.planned.threads)?;
+    let Loaded { description, scene, settings, choice } = pool.install(|| arguments.planned.load())?;
     if let Some((pixel, sample)) = arguments.replay {
         let replayed = render::Replayer::new(&scene, &settings)?.replay(pixel, sample)?;
         return super::print(&Names::new(&description, &scene).story(&replayed));
@@ -129,9 +92,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let load = start.elapsed().as_secs_f64();
     if !arguments.quiet {
         describe(&scene);
-        if let Some(Choice { method, why }) = &choice {
-            super::tell(format_args!("method {}, {why}", method.name()));
-        }
     }
     let limits = limits(arguments);
     let mut watch = Watch::new(Bar::new(arguments.quiet), tone(&description.film));
@@ -144,7 +104,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             Subject::new(&description, limits.parts(&scene, &settings, render::volume_photons(&scene, &settings))?);
         if let Some((path, before)) = before {
             let (film, stats) = continued(path, before, &subject, settings.render.seed)?;
-            if let Some(last) = arguments.passes
+            if let Some(last) = arguments.planned.passes
                 && let Some(beyond) = film.done().beyond(settings.render.seed, last.saturating_mul(subject.parts))
             {
                 return Err(Error::Usage(format!(
@@ -167,10 +127,17 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let name = description.path.display().to_string();
         watch.viewer(Viewer::new(address, &name, settings.film.size())?);
     }
-    let rendering = pool.install(|| render::refine(&scene, &settings, &limits, start_from, &watch, &stop))?;
+    let rendering = pool.install(|| {
+        let plan = Plan::new(&scene, &settings, &Camera::new(&scene.camera, &settings.film), &limits)?;
+        if !arguments.quiet {
+            super::tell(Forecast::of(&scene, &settings, &limits, &plan, choice.as_ref()).line());
+        }
+        render::refine_planned(&scene, &settings, plan, &limits, start_from, &watch, &stop)
+    })?;
     let kept = watch.finish(&rendering.film, &rendering.stats);
     let total = start.elapsed().as_secs_f64();
-    if !arguments.quiet && !arguments.strict {
+    let strict = arguments.planned.strict;
+    if !arguments.quiet && !strict {
         for warning in &rendering.warnings {
             super::tell(format_args!("warning: {warning}"));
         }
@@ -219,26 +186,21 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if !arguments.quiet {
         summarise(&report, &rendering.stats, &outputs);
     }
-    if arguments.strict && !rendering.warnings.is_empty() {
+    if strict && !rendering.warnings.is_empty() {
         return Err(Error::Failed(warned(&rendering.warnings)));
     }
     Ok(())
 }
 
-/// Warnings as an error.
-fn warned(warnings: &[String]) -> String {
-    format!("{} (warnings are errors: --strict)", warnings.join("\n"))
-}
-
 fn limits(arguments: &Arguments) -> Limits {
     // Where time or error end the render, passes do so only if the command line says so.
     let ends_by_itself = arguments.time.is_some() || arguments.target_error.is_some();
-    let passes = arguments.passes.filter(|_| ends_by_itself).map(|last| 1..=last);
+    let passes = arguments.planned.passes.filter(|_| ends_by_itself).map(|last| 1..=last);
     Limits {
         passes: arguments.pass_range.clone().or(passes),
         time: arguments.time,
         target_error: arguments.target_error,
-        memory: arguments.memory,
+        memory: arguments.planned.memory,
         resumable: arguments.checkpoint.is_some(),
         shown: None,
     }
@@ -299,10 +261,9 @@ fn outputs(arguments: &Arguments) -> Result<Vec<PathBuf>> {
     if !arguments.out.is_empty() {
         return Ok(arguments.out.clone());
     }
-    let stem = arguments
-        .scene
-        .file_stem()
-        .ok_or_else(|| Error::Usage(format!("{}: not the name of a scene file", arguments.scene.display())))?;
+    let scene = &arguments.planned.scene;
+    let stem =
+        scene.file_stem().ok_or_else(|| Error::Usage(format!("{}: not the name of a scene file", scene.display())))?;
     let with = |ending: &str| {
         let mut name = stem.to_os_string();
         name.push(ending);

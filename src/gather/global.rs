@@ -77,9 +77,12 @@ impl GlobalMap {
 
     /// Memory taken, in bytes.
     pub fn bytes(&self) -> usize {
-        self.photons.bytes()
-            + self.irradiances.as_ref().map_or(0, PointMap::bytes)
-            + self.flux.as_ref().map_or(0, FluxMap::bytes)
+        self.photons.bytes() + self.irradiance_bytes() + self.flux.as_ref().map_or(0, FluxMap::bytes)
+    }
+
+    /// What of it irradiances take that are known beforehand, in bytes.
+    pub fn irradiance_bytes(&self) -> usize {
+        self.irradiances.as_ref().map_or(0, PointMap::bytes)
     }
 
     /// From where scattered photons come, if that is kept.

@@ -73,6 +73,11 @@ impl Emitters {
         Emitters { infinite, many: Some(many) }
     }
 
+    /// How many are in a tree, if there are so many.
+    pub fn in_tree(&self) -> Option<usize> {
+        self.many.as_ref().map(|many| many.emitters.len())
+    }
+
     /// The lights that shine from infinity, by index.
     pub fn infinite(&self) -> &[u32] {
         &self.infinite

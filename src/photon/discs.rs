@@ -225,10 +225,13 @@ impl PhotonMap {
         self.blocks.bytes()
             + size_of_val(&*self.events)
             + size_of_val(&*self.nodes)
-            + size_of_val(&*self.wall_starts)
-            + size_of_val(&*self.walls)
-            + size_of_val(&*self.leaning)
+            + self.wall_bytes()
             + size_of_val(&*self.densities)
+    }
+
+    /// What of it walls near photons take, in bytes.
+    pub fn wall_bytes(&self) -> usize {
+        size_of_val(&*self.wall_starts) + size_of_val(&*self.walls) + size_of_val(&*self.leaning)
     }
 
     /// Whether some discs lie along walls.

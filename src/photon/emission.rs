@@ -159,6 +159,11 @@ impl<'s> Sources<'s> {
         self.targets.learn(useful);
     }
 
+    /// Whether most photons are aimed.
+    pub fn are_aimed(&self) -> bool {
+        !self.targets.is_empty()
+    }
+
     /// Draws a direction from `from` towards one of the solids that photons are aimed at, if they are.
     pub fn towards_solids(&self, from: DVec3, stream: &mut Stream) -> Option<DVec3> {
         let target = self.targets.any_closest(stream.uniform())?;

@@ -20,6 +20,12 @@ pub struct Traced {
     pub regions: Vec<Vec<Photon>>,
     /// Photons emitted.
     pub emitted: u64,
+    /// Photons that a whole pass emits: more than that, of a [sample].
+    pub planned: u64,
+    /// Events of an emission on average, as a pilot counted them.
+    pub events: f64,
+    /// Whether most of them were aimed at media.
+    pub aimed: bool,
     /// Whether first collisions were forced.
     pub forced: bool,
     /// Whether there are fewer photons than were asked for as more would change nothing.
@@ -62,6 +68,25 @@ pub fn trace(
     progress: &(impl Fn(u64, u64) + Sync),
     stop: &(impl Fn() -> bool + Sync),
 ) -> Result<Traced> {
+    trace_some(scene, pass, u64::MAX, progress, stop)
+}
+
+/// Traces the first of a pass's photons: as many as are to leave about so many in the map. They tell what all of them come to.
+///
+/// # Errors
+/// As [`trace`], for what the whole pass would take.
+pub fn sample(scene: &Scene, pass: &Pass<'_>, photons: u64) -> Result<Traced> {
+    trace_some(scene, pass, photons, &|_, _| {}, &|| false)
+}
+
+/// Traces the first of a pass's photons, about `most` of those that are stored, or all.
+fn trace_some(
+    scene: &Scene,
+    pass: &Pass<'_>,
+    most: u64,
+    progress: &(impl Fn(u64, u64) + Sync),
+    stop: &(impl Fn() -> bool + Sync),
+) -> Result<Traced> {
     let mut tracer = Tracer::new(scene, pass);
     let empty = || Traced { regions: vec![Vec::new(); scene.regions as usize], ..Traced::default() };
     if tracer.sources.is_empty() || !scene.media.iter().any(|medium| medium.scatters()) {
@@ -73,7 +98,7 @@ pub fn trace(
     tracer.budget.settle()?;
     let asked = pass.single_scattering.asks_lights();
     if found.collided == 0.0 || (found.stored == 0 && !asked) || stop() {
-        return Ok(Traced { emitted: found.emitted, forced: tracer.forced, ..empty() });
+        return Ok(Traced { emitted: found.emitted, planned: found.emitted, forced: tracer.forced, ..empty() });
     }
     let target = pass.target.saturating_mul(if pass.control.is_some() { RICHER } else { 1 });
     let share = found.stored as f64 / found.emitted as f64;
@@ -82,16 +107,20 @@ pub fn trace(
     let enough = if asked { FEW.max(RARE * target as f64 / found.collisions) } else { f64::INFINITY };
     let is_enough = wanted as f64 > enough;
     let wanted = if is_enough { enough as u64 } else { wanted };
-    let emitted = wanted.max(budget::fewest(FEWEST, found.events)).min(pass.max_emitted);
+    let planned = wanted.max(budget::fewest(FEWEST, found.events)).min(pass.max_emitted);
     tracer.budget = Budget::of_pass(target);
-    tracer.budget.allow(emitted, found.events)?;
-    let expected = emitted as f64 * share;
+    tracer.budget.allow(planned, found.events)?;
+    let expected = planned as f64 * share;
     if expected > crowded * target as f64 {
         tracer.quota.keep = target as f64 / expected;
     }
+    let part = (most as f64 / (expected * tracer.quota.keep)).min(1.0);
+    let emitted = (planned as f64 * part).ceil() as u64;
 
     // A part at a time: photons need not be held twice.
-    let mut traced = Traced { forced: tracer.forced, enough: is_enough, ..empty() };
+    let (forced, aimed, events) = (tracer.forced, tracer.sources.are_aimed(), found.events);
+    let mut traced = Traced { planned, events, aimed, forced, enough: is_enough, ..empty() };
+    let wanted = pass.target as f64 * part;
     let part = emitted.div_ceil(PARTS).next_multiple_of(CHUNK).max(LEAST_PART);
     for first in (0..emitted).step_by(part as usize) {
         let range = first..(first + part).min(emitted);
@@ -110,7 +139,7 @@ pub fn trace(
     let stored = traced.stored();
     for photons in &mut traced.regions {
         if let Some(tagged) = pass.control {
-            let target = (pass.target as f64 * photons.len() as f64 / stored.max(1) as f64).ceil() as u64;
+            let target = (wanted * photons.len() as f64 / stored.max(1) as f64).ceil() as u64;
             *photons = hand_over(std::mem::take(photons), target, Filled::Media, tagged);
         }
         photons.par_iter_mut().for_each(|photon| photon.power *= scale);

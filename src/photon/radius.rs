@@ -23,6 +23,23 @@ pub enum Radius {
     },
 }
 
+impl Radius {
+    /// About as wide among this share of the photons: an adaptive radius holds as many fewer of them.
+    pub fn among(self, share: f64) -> Radius {
+        match self {
+            Radius::Fixed(_) => self,
+            Radius::Variable { neighbours, pilot, max_radius } => Radius::Variable {
+                neighbours: (f64::from(neighbours) * share).round().max(1.0) as u32,
+                pilot: (f64::from(pilot) * share.sqrt()).ceil().max(f64::from(pilot.min(LEAST_PILOT))) as u32,
+                max_radius,
+            },
+        }
+    }
+}
+
+/// Fewer neighbours tell radii that are too small on average.
+const LEAST_PILOT: u32 = 5;
+
 /// Radii of a map's discs, all 0 if it is empty.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Radii {

@@ -69,6 +69,14 @@ pub struct Landed {
     pub photons: Vec<Photon>,
     /// Photons emitted.
     pub emitted: u64,
+    /// Photons that a whole pass emits: more than that, of a [sample](sample_surfaces); 0 where there is none.
+    pub planned: u64,
+    /// Events of an emission on average, as a pilot counted them.
+    pub events: f64,
+    /// Whether most of them were aimed at surfaces.
+    pub aimed: bool,
+    /// Why there are none, if a pilot found that.
+    pub why_none: Option<&'static str>,
     /// Whether there are none, as surfaces send hardly any light to one another, though media send light to them.
     pub from_media_only: bool,
     /// Some of those traced that were scattered before, if that was asked for: they tell where light comes from.
@@ -127,14 +135,26 @@ fn casts(scene: &Scene, surface: &Surface) -> bool {
 /// Whether photons of this kind may land in a scene: on surfaces that spread light, and of caustics, where they are received, after
 /// something specular that casts them.
 pub fn may_land(scene: &Scene, kind: Kind) -> bool {
+    why_none_land(scene, kind).is_none()
+}
+
+/// Why no photons of this kind can land in a scene; `None` where they may.
+pub fn why_none_land(scene: &Scene, kind: Kind) -> Option<&'static str> {
     let any = |holds: &dyn Fn(&Surface) -> bool| scene.surfaces.iter().any(holds);
     let spreads = |surface: &Surface| scene.any_part(&surface.material, &spreads);
     match kind {
         Kind::Caustic => {
             let receives = |surface: &Surface| surface.caustics.receives && spreads(surface);
-            !scene.lights.is_empty() && any(&receives) && any(&|surface| casts(scene, surface))
+            if scene.lights.is_empty() {
+                Some("there is no light but what glows")
+            } else if !any(&|surface| casts(scene, surface)) {
+                Some("nothing mirrors or refracts")
+            } else {
+                (!any(&receives)).then_some("no surface spreads light")
+            }
         }
-        Kind::Global => !(scene.lights.is_empty() && scene.glows.is_empty()) && any(&spreads),
+        Kind::Global if scene.lights.is_empty() && scene.glows.is_empty() => Some("nothing shines"),
+        Kind::Global => (!any(&spreads)).then_some("no surface spreads light"),
     }
 }
 
@@ -149,6 +169,25 @@ pub fn trace_surfaces(
     progress: &(impl Fn(u64, u64) + Sync),
     stop: &(impl Fn() -> bool + Sync),
 ) -> Result<Landed> {
+    trace_some(scene, pass, u64::MAX, progress, stop)
+}
+
+/// Traces the first photons of a map: as many as are to leave about so many in it. They tell what all of them come to.
+///
+/// # Errors
+/// As [`trace_surfaces`], for what the whole map would take.
+pub fn sample_surfaces(scene: &Scene, pass: &SurfacePass<'_>, photons: u64) -> Result<Landed> {
+    trace_some(scene, pass, photons, &|_, _| {}, &|| false)
+}
+
+/// Traces the first photons of a map, about `most` of those that land, or all.
+fn trace_some(
+    scene: &Scene,
+    pass: &SurfacePass<'_>,
+    most: u64,
+    progress: &(impl Fn(u64, u64) + Sync),
+    stop: &(impl Fn() -> bool + Sync),
+) -> Result<Landed> {
     let sources = match pass.kind {
         Kind::Caustic => Sources::of_lights(scene),
         Kind::Global => Sources::new(scene),
@@ -156,8 +195,9 @@ pub fn trace_surfaces(
     let (budget, notes) = (Budget::of_pilots(), true);
     let (importance, keep) = (None, 1.0);
     let mut tracer = SurfaceTracer { scene, pass, sources: sources.clone(), importance, notes, keep, budget: &budget };
+    let none = |why| Landed { why_none: Some(why), ..Landed::default() };
     if tracer.sources.is_empty() {
-        return Ok(Landed::default());
+        return Ok(none("lights have no power"));
     }
 
     // Where walks are very long, a few of them tell enough.
@@ -187,12 +227,13 @@ pub fn trace_surfaces(
         }
     }
     budget.settle()?;
+    const HARDLY_ANY: &str = "hardly any photon of a pilot lands";
     if found.photons.len() < FEWEST {
-        return Ok(Landed::default());
+        return Ok(none(HARDLY_ANY));
     }
     if pass.needs_exchange && found.exchanged < FEWEST as u64 {
         let from_media_only = found.scattered_ones.len() >= FEWEST;
-        return Ok(Landed { from_media_only, ..Landed::default() });
+        return Ok(Landed { from_media_only, ..none("surfaces send hardly any light to one another, by a pilot") });
     }
 
     // From which sources photons come that are of use, and aimed whither; what is of use in what is seen, and kept there.
@@ -211,7 +252,7 @@ pub fn trace_surfaces(
         tracer.importance = places(&found);
         found = pilot(&tracer);
         if found.photons.is_empty() {
-            return Ok(Landed::default());
+            return Ok(none(HARDLY_ANY));
         }
     } else if pass.emission.aims && tracer.sources.have_choices() {
         let mut learnt = SurfaceTracer { sources: tracer.sources.clone(), importance: None, ..tracer };
@@ -230,22 +271,25 @@ pub fn trace_surfaces(
     // How many, so that the map holds what it should.
     let richer = if pass.control.is_some() { RICHER } else { 1 };
     let traced = pass.target.saturating_mul(richer);
-    let most = traced.saturating_mul(MOST_EMISSIONS).min(pass.max_emitted);
+    let most_emitted = traced.saturating_mul(MOST_EMISSIONS).min(pass.max_emitted);
     let share = found.photons.len() as f64 / pilots as f64;
     let wanted = traced.saturating_mul(pilots) / found.photons.len() as u64;
-    let mut emitted = wanted.clamp(1, most.max(1));
+    let mut planned = wanted.clamp(1, most_emitted.max(1));
     if each > LONG {
-        emitted = emitted.max(budget::fewest(LEAST_OF_LONG, each)).min(pass.max_emitted);
-        tracer.keep = (traced as f64 / (emitted as f64 * share)).min(1.0);
+        planned = planned.max(budget::fewest(LEAST_OF_LONG, each)).min(pass.max_emitted);
+        tracer.keep = (traced as f64 / (planned as f64 * share)).min(1.0);
     }
+    let part = (most as f64 / (planned as f64 * share * tracer.keep)).min(1.0);
+    let emitted = (planned as f64 * part).ceil() as u64;
     let purpose = match pass.kind {
         Kind::Caustic => Purpose::Caustic,
         Kind::Global => Purpose::Global,
     };
     let budget = Budget::of_pass(traced);
-    budget.allow(emitted, each)?;
+    budget.allow(planned, each)?;
     let tracer = SurfaceTracer { budget: &budget, ..tracer };
     let mut landed = tracer.run(purpose, emitted, progress, stop);
+    (landed.planned, landed.events, landed.aimed) = (planned, each, tracer.sources.are_aimed());
     budget.settle()?;
     let scale = (1.0 / landed.emitted.max(1) as f64) as f32;
     landed.photons.par_iter_mut().for_each(|photon| photon.power *= scale);
@@ -254,7 +298,8 @@ pub fn trace_surfaces(
         landed.scattered = landed.scattered_ones.iter().step_by(ONE_IN).map(photon).collect();
     }
     if let Some(tagged) = pass.control {
-        landed.photons = hand_over(landed.photons, pass.target, Filled::Surfaces, tagged);
+        let target = (pass.target as f64 * part).ceil() as u64;
+        landed.photons = hand_over(landed.photons, target, Filled::Surfaces, tagged);
     }
     Ok(landed)
 }

@@ -57,13 +57,17 @@ const FAINTEST: f64 = 0.02;
 /// nor one with more events than this before.
 const MOST_EVENTS: u64 = 8;
 
+/// Records that a film of this size has at most, with so many samples a pixel: on what is rough all over, a cache finds no rest.
+pub(super) fn most_records((width, height): (u32, u32), samples: u32, settings: &CacheSettings) -> u64 {
+    let rays = MOST_RAYS * u64::from(width) * u64::from(height) * u64::from(samples);
+    rays.div_ceil(settings.rays() as u64)
+}
+
 impl<'s> Filler<'_, 's> {
     /// Fills the cache, until all is covered or `stop` says so.
     pub fn fill(&self, stop: &(impl Fn() -> bool + Sync)) -> Filled {
         let (width, height) = self.camera.size();
-        // On what is rough all over, a cache finds no rest.
-        let rays = MOST_RAYS * u64::from(width) * u64::from(height) * u64::from(self.plan.samples);
-        let most = rays.div_ceil(self.settings.rays() as u64) as usize;
+        let most = most_records((width, height), self.plan.samples, &self.settings) as usize;
         let mut filled = Filled::default();
         let coarse_to_fine = STRIDES.into_iter().zip(std::iter::once(true).chain(std::iter::repeat(false)));
         for (stride, all) in coarse_to_fine.chain(std::iter::repeat_n((1, true), LAST_LOOKS)) {

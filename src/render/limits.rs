@@ -91,6 +91,17 @@ impl Limits {
         Ok(if several { Film::of_passes(width, height, layers) } else { Film::new(width, height, layers) })
     }
 
+    /// Whether the film sums several passes, where each is made in so many parts.
+    pub(super) fn sums_passes(&self, settings: &Settings, parts: u32) -> bool {
+        self.film_of(settings, parts).1
+    }
+
+    /// Bytes that the film takes at most, where passes are made in so many parts.
+    pub(super) fn film_bytes(&self, settings: &Settings, parts: u32) -> u64 {
+        let (layers, several) = self.film_of(settings, parts);
+        film_bytes(settings, layers, several)
+    }
+
     /// The parts that each pass is split into where memory does not matter: several for the standard error of a single pass.
     pub(super) fn parts_for_error(&self, settings: &Settings) -> u32 {
         if settings.film.standard_error && self.single(settings) { SUB_PASSES } else { 1 }

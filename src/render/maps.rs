@@ -49,6 +49,8 @@ pub(super) struct Summary {
     pub radii: Radii,
     /// Whether some discs lie along walls.
     pub leans: bool,
+    /// What walls near photons take of that, in bytes.
+    pub walls: usize,
 }
 
 impl Maps {
@@ -87,6 +89,7 @@ impl Maps {
             bytes: map.bytes(),
             radii: map.radii(),
             leans: map.leans(),
+            walls: map.wall_bytes(),
         };
         let of_points = |map: &PointMap| Summary {
             photons: map.len(),
@@ -94,6 +97,7 @@ impl Maps {
             bytes: map.bytes(),
             radii: map.radii(),
             leans: false,
+            walls: 0,
         };
         match &self.volume {
             None => Vec::new(),
@@ -156,28 +160,21 @@ impl Maps {
     }
 }
 
-/// The photons of a map on surfaces: none if `stop` ended it.
-fn landed(
-    scene: &Scene,
-    plan: &Plan,
-    (kind, pass): (Kind, u32),
-    (stats, progress): (&mut Stats, &impl Progress),
-    stop: &(impl Fn() -> bool + Sync),
-) -> Result<Landed> {
-    let (target, phase) = match kind {
-        Kind::Caustic => (plan.caustic_photons, "caustics"),
-        Kind::Global => (plan.global_photons, "surfaces"),
-    };
-    if target == 0 {
-        return Ok(Landed::default());
+/// Photons wanted in a pass's map on surfaces.
+pub(super) fn wanted(plan: &Plan, kind: Kind) -> u64 {
+    match kind {
+        Kind::Caustic => plan.caustic_photons,
+        Kind::Global => plan.global_photons,
     }
-    let start = Instant::now();
-    progress.phase(phase, 0);
-    let order = SurfacePass {
+}
+
+/// What a pass asks for a map on surfaces.
+pub(super) fn surface_order(plan: &Plan, kind: Kind, pass: u32) -> SurfacePass<'_> {
+    SurfacePass {
         kind,
         seed: plan.seed,
         index: u64::from(pass),
-        target,
+        target: wanted(plan, kind),
         max_emitted: plan.max_emitted,
         emission: plan.emission,
         max_events: plan.max_events,
@@ -189,8 +186,33 @@ fn landed(
             Kind::Global => importons.global.as_slice(),
         }),
         control: plan.control(),
+    }
+}
+
+/// What a pass asks for shadow photons, if it wants any.
+pub(super) fn shadow_order(plan: &Plan, pass: u32) -> Option<ShadowPass> {
+    let (seed, index, target, emission) = (plan.seed, u64::from(pass), plan.shadow_photons, plan.emission);
+    Some(ShadowPass { seed, index, target, emission, seen: plan.seen? })
+}
+
+/// The photons of a map on surfaces: none if `stop` ended it.
+fn landed(
+    scene: &Scene,
+    plan: &Plan,
+    (kind, pass): (Kind, u32),
+    (stats, progress): (&mut Stats, &impl Progress),
+    stop: &(impl Fn() -> bool + Sync),
+) -> Result<Landed> {
+    let phase = match kind {
+        Kind::Caustic => "caustics",
+        Kind::Global => "surfaces",
     };
-    let landed = trace_surfaces(scene, &order, &|done, _| progress.advance(done), stop)?;
+    if wanted(plan, kind) == 0 {
+        return Ok(Landed::default());
+    }
+    let start = Instant::now();
+    progress.phase(phase, 0);
+    let landed = trace_surfaces(scene, &surface_order(plan, kind, pass), &|done, _| progress.advance(done), stop)?;
     if stop() {
         return Ok(Landed::default());
     }
@@ -208,11 +230,9 @@ fn shadows(
     (stats, progress): (&mut Stats, &impl Progress),
     stop: &(impl Fn() -> bool + Sync),
 ) -> Vec<ShadowPhoton> {
-    let Some(seen) = plan.seen else { return Vec::new() };
+    let Some(order) = shadow_order(plan, pass) else { return Vec::new() };
     let start = Instant::now();
     progress.phase("shadows", 0);
-    let (seed, index, target, emission) = (plan.seed, u64::from(pass), plan.shadow_photons, plan.emission);
-    let order = ShadowPass { seed, index, target, emission, seen };
     let Shadows { photons, emitted } = trace_shadows(scene, &order, stop);
     if stop() {
         return Vec::new();

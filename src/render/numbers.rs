@@ -1,6 +1,6 @@
 //! Numbers of photons and neighbours, where the scene file leaves them open.
 
-use crate::photon::{Kind, may_land, served_lights};
+use crate::photon::{Kind, served_lights, why_none_land};
 use crate::scene::description::{Film, Indirect, Method};
 use crate::scene::{Scene, Settings};
 use crate::transport::Events;
@@ -41,16 +41,37 @@ const ON_SURFACES_A_PIXEL: u64 = 16;
 /// `scenes/glass-ball.toml` grow by 4 and by 0 %.
 const ON_SURFACES: [u64; 2] = [100_000, 200_000];
 
+/// Who finds light without photons, by a method that has none.
+pub(super) fn why_no_photons(method: Method) -> Option<&'static str> {
+    match method {
+        Method::Photon => None,
+        Method::Path => Some("paths find all light"),
+        Method::Light => Some("light paths bring all light"),
+        Method::Whitted => Some("Whitted's rays follow light straight from lights alone"),
+    }
+}
+
 /// Volume photons wanted in each pass: none where nothing scatters, or nothing shines.
 pub fn volume_photons(scene: &Scene, settings: &Settings) -> u64 {
-    let Settings { render, photons, volume, .. } = settings;
+    match why_no_volume_photons(scene, settings) {
+        None => settings.photons.volume.unwrap_or_else(|| chosen(scene, settings)),
+        Some(_) => 0,
+    }
+}
+
+/// Why no volume photons are wanted; `None` where some are.
+pub(super) fn why_no_volume_photons(scene: &Scene, settings: &Settings) -> Option<&'static str> {
+    let Settings { render, volume, .. } = settings;
     let shines = !scene.lights.is_empty() || scene.media.iter().any(|medium| medium.glows());
     let scatters = scene.media.iter().any(|medium| medium.scatters());
     // Light that shadow rays find needs no photons, if it is all there may be.
     let once = Events::of_max_depth(render.max_depth) == Events::at_most(1);
     let asks_for_all = once && volume.single_scattering.asks_lights() && scene.glows.is_empty();
-    let gathers = render.method == Method::Photon && scatters && shines && !asks_for_all;
-    if gathers { photons.volume.unwrap_or_else(|| chosen(scene, settings)) } else { 0 }
+    why_no_photons(render.method).or(match () {
+        () if !scatters => Some("no medium scatters"),
+        () if !shines => Some("nothing shines"),
+        () => asks_for_all.then_some("shadow rays find all light, as render.max_depth is 1"),
+    })
 }
 
 /// Photons that suit a film and what is to be seen.
@@ -87,35 +108,86 @@ fn is_uneven(scene: &Scene) -> bool {
 
 /// Photons wanted in each pass's caustic map: none where there can be no caustics.
 pub fn caustic_photons(scene: &Scene, settings: &Settings) -> u64 {
-    let max_events = Events::of_max_depth(settings.render.max_depth);
-    let there = settings.render.method == Method::Photon
-        && max_events.allows(1)
-        && may_land(scene, Kind::Caustic)
-        && settings.surface.indirect != Indirect::Map;
-    if there { settings.photons.caustic.unwrap_or(on_surfaces(settings)) } else { 0 }
+    match why_no_caustic_photons(scene, settings) {
+        None => settings.photons.caustic.unwrap_or(on_surfaces(settings)),
+        Some(_) => 0,
+    }
+}
+
+/// Why no caustic photons are wanted; `None` where some are.
+pub(super) fn why_no_caustic_photons(scene: &Scene, settings: &Settings) -> Option<&'static str> {
+    let Settings { render, photons, surface, .. } = settings;
+    why_no_photons(render.method).or_else(|| why_none_land(scene, Kind::Caustic)).or(match () {
+        () if !Events::of_max_depth(render.max_depth).allows(1) => Some("render.max_depth is 1"),
+        () if surface.indirect == Indirect::Map => Some("the global map shows them, too"),
+        () => (photons.caustic == Some(0)).then_some("photons.caustic is 0"),
+    })
 }
 
 /// Photons wanted in each pass's global map: none where no one looks it up.
 pub fn global_photons(scene: &Scene, settings: &Settings) -> u64 {
-    let max_events = Events::of_max_depth(settings.render.max_depth);
+    match why_no_global_photons(scene, settings) {
+        None => settings.photons.global.unwrap_or(on_surfaces(settings)),
+        Some(_) => 0,
+    }
+}
+
+/// Why no global photons are wanted; `None` where some are.
+pub(super) fn why_no_global_photons(scene: &Scene, settings: &Settings) -> Option<&'static str> {
+    let Settings { render, photons, surface, .. } = settings;
     // Events at surfaces on the eye's side.
-    let read_after = match settings.surface.indirect {
-        Indirect::Map => Some(0),
-        Indirect::FinalGather => Some(1),
-        Indirect::Path | Indirect::None => None,
+    let read_after = match surface.indirect {
+        Indirect::Map => Ok(0),
+        Indirect::FinalGather => Ok(1),
+        Indirect::Path => Err("surface.indirect leaves that light to paths"),
+        Indirect::None => Err("surface.indirect leaves that light out"),
     };
-    let read = settings.render.method == Method::Photon && read_after.is_some_and(|events| max_events.allows(events));
-    if read && may_land(scene, Kind::Global) { settings.photons.global.unwrap_or(on_surfaces(settings)) } else { 0 }
+    let is_read = |events| Events::of_max_depth(render.max_depth).allows(events);
+    why_no_photons(render.method).or_else(|| why_none_land(scene, Kind::Global)).or(match read_after {
+        Err(why) => Some(why),
+        Ok(events) if !is_read(events) => Some("render.max_depth is 1"),
+        Ok(_) => (photons.global == Some(0)).then_some("photons.global is 0"),
+    })
+}
+
+/// Why light that is gathered on surfaces is not kept and interpolated; `None` where it is.
+pub(super) fn why_no_irradiance_cache(scene: &Scene, settings: &Settings) -> Option<&'static str> {
+    let Settings { render, surface, .. } = settings;
+    why_no_global_photons(scene, settings).or(match () {
+        () if surface.indirect != Indirect::FinalGather => Some("nothing is gathered: the global map is shown"),
+        // Of light with few events, what differs from place to place is how many the eye's side had.
+        () if Events::of_max_depth(render.max_depth).is_limited() => Some("render.max_depth limits events"),
+        () => (!surface.irradiance_cache).then_some("surface.irradiance_cache is false"),
+    })
+}
+
+/// Why the irradiance is not computed beforehand at photons of the global map; `None` where it is.
+pub(super) fn why_no_irradiances(scene: &Scene, settings: &Settings) -> Option<&'static str> {
+    let Settings { render, surface, .. } = settings;
+    why_no_global_photons(scene, settings).or(match () {
+        () if surface.indirect != Indirect::FinalGather => Some("nothing is gathered: the global map is shown"),
+        // Of light with few events alone, photons have to be counted.
+        () if Events::of_max_depth(render.max_depth).is_limited() => Some("render.max_depth limits events"),
+        () => (surface.precomputed_irradiance == 0).then_some("surface.precomputed_irradiance is 0"),
+    })
 }
 
 /// Shadow photons wanted in each pass: none where surfaces ask no light that they can serve.
 pub fn shadow_photons(scene: &Scene, settings: &Settings) -> u64 {
+    if why_no_shadow_photons(scene, settings).is_none() { on_surfaces(settings) } else { 0 }
+}
+
+/// Why no shadow photons are wanted; `None` where some are.
+pub(super) fn why_no_shadow_photons(scene: &Scene, settings: &Settings) -> Option<&'static str> {
     let Settings { render, surface, .. } = settings;
-    // The global map holds direct light, too.
-    let asks = render.method == Method::Photon
-        && Events::of_max_depth(render.max_depth).allows(1)
-        && (surface.indirect != Indirect::Map || global_photons(scene, settings) == 0);
-    if surface.shadow_photons && asks && !served_lights(scene).is_empty() { on_surfaces(settings) } else { 0 }
+    why_no_photons(render.method).or(match () {
+        () if !surface.shadow_photons => Some("surface.shadow_photons is false"),
+        () if !Events::of_max_depth(render.max_depth).allows(1) => Some("render.max_depth is 1"),
+        () if surface.indirect == Indirect::Map && global_photons(scene, settings) > 0 => {
+            Some("the global map shows direct light, too")
+        }
+        () => served_lights(scene).is_empty().then_some("no light has a shadow to be found"),
+    })
 }
 
 /// Photons in a map on surfaces, unless the scene file says otherwise: who asks for few in media wants a quick picture.

@@ -72,8 +72,24 @@ pub fn refine(
     progress: &impl Progress,
     stop: &AtomicBool,
 ) -> Result<Rendering> {
+    let plan = Plan::new(scene, settings, &Camera::new(&scene.camera, &settings.film), limits)?;
+    refine_planned(scene, settings, plan, limits, before, progress, stop)
+}
+
+/// [`refine`] by a plan that was made for this scene, settings and limits.
+///
+/// # Errors
+/// As [`render`].
+pub fn refine_planned(
+    scene: &Scene,
+    settings: &Settings,
+    plan: Plan,
+    limits: &Limits,
+    before: Option<(Film, Stats)>,
+    progress: &impl Progress,
+    stop: &AtomicBool,
+) -> Result<Rendering> {
     let camera = Camera::new(&scene.camera, &settings.film);
-    let plan = Plan::new(scene, settings, &camera, limits)?;
     run(scene, settings, (camera, plan), limits, (before, None), progress, stop)
 }
 

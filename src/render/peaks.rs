@@ -34,6 +34,15 @@ pub(super) fn of_media(scene: &Scene, volume: &Volume) -> Vec<Option<Peak>> {
     (0..).zip(&scene.media).map(of).collect()
 }
 
+/// Why no medium leaves a peak to paths, where none does.
+pub(super) fn why_none(volume: &Volume) -> &'static str {
+    match volume.peaks {
+        Peaks::Photons => "volume.peaks is \"photons\"",
+        Peaks::Paths => "no phase function has a narrow peak",
+        Peaks::Auto => "no thick medium of voxels has a narrow phase function",
+    }
+}
+
 /// Mean free paths across a medium where it is densest.
 fn thickness(scene: &Scene, index: u32) -> f64 {
     let (medium, bounds) = (&scene.media[index as usize], bounds_of_medium(scene, index));

@@ -20,7 +20,10 @@ use crate::transport::Events;
 use super::camera::Camera;
 use super::importons;
 use super::limits::Limits;
-use super::numbers::{caustic_photons, global_photons, neighbours, shadow_photons, volume_photons};
+use super::numbers::{
+    caustic_photons, global_photons, neighbours, shadow_photons, volume_photons, why_no_irradiance_cache,
+    why_no_irradiances,
+};
 use super::peaks;
 use super::pilot::Pilot;
 
@@ -209,8 +212,8 @@ impl Plan {
         let max_radius = surface.max_radius.unwrap_or(MAX_RADIUS_SHARE * diagonal);
         let global_photons = global_photons(scene, settings);
 
-        // How light is gathered that is kept: of light with few events, what differs from place to place is how many the eye's side had.
-        let caches = surface.irradiance_cache && global_photons > 0 && !max_events.is_limited();
+        // How light is gathered that is kept.
+        let caches = why_no_irradiance_cache(scene, settings).is_none();
         let camera_samples = u64::from(film.width) * u64::from(film.height) * u64::from(render.samples);
         let [fewest, most] = CACHE_RAYS;
         let cache_rays =
@@ -244,10 +247,9 @@ impl Plan {
             global: GlobalSettings {
                 reach: reach(max_radius),
                 filter: surface.filter,
-                // Of light with few events alone, photons have to be counted; where the map is shown, they are.
-                precomputed: match surface.indirect {
-                    Indirect::FinalGather if !max_events.is_limited() => surface.precomputed_irradiance,
-                    _ => 0,
+                precomputed: match why_no_irradiances(scene, settings) {
+                    None => surface.precomputed_irradiance,
+                    Some(_) => 0,
                 },
                 max_radius: max_radius as f32,
                 flux: by_flux > 0,

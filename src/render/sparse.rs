@@ -15,16 +15,18 @@ const NEIGHBOURS: u32 = 60;
 /// are spread; of other regions none.
 pub(super) fn some_photons(regions: &[Vec<Photon>], radius: Radius) -> Vec<(Radius, Vec<Photon>)> {
     let some = |photons: &Vec<Photon>| {
-        let one_in = photons.len() / ENOUGH;
-        if one_in < 2 {
-            return (radius, Vec::new());
-        }
+        let Some(one_in) = one_in(photons.len()) else { return (radius, Vec::new()) };
         // By their number, but as if by chance: photons of one sequence that follow one another at even distances are no fair sample of it.
         let drawn = (0..).zip(photons).filter(|(number, _)| mix(*number).is_multiple_of(one_in as u64));
         let drawn = drawn.map(|(_, photon)| Photon { power: photon.power * one_in as f32, ..*photon });
         (wider(radius, one_in as u32), drawn.collect())
     };
     regions.iter().map(some).collect()
+}
+
+/// One photon in how many stands for all of a region; `None` where all of them do.
+pub(super) fn one_in(photons: usize) -> Option<usize> {
+    Some(photons / ENOUGH).filter(|one_in| *one_in >= 2)
 }
 
 /// How wide one photon in so many is spread.

@@ -1,0 +1,86 @@
+//! `volpm plan`.
+
+use std::fmt::Write as _;
+
+use clap::Args;
+
+use super::planned::{Loaded, Planned};
+use crate::Result;
+use crate::render::{Forecast, Item, Limits};
+
+#[derive(Args)]
+#[command(
+    after_help = "Nothing is rendered: a part of the photons is traced to tell what all of them come to. docs/plan.md tells what each line is."
+)]
+pub struct Arguments {
+    #[command(flatten)]
+    planned: Planned,
+    /// Prints the plan as JSON instead of a table.
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let planned = &arguments.planned;
+    let (loaded, forecast) = super::pool(planned.threads)?.install(|| -> Result<_> {
+        let loaded = planned.load()?;
+        let limits = Limits { memory: planned.memory, ..Limits::default() };
+        let forecast = Forecast::new(&loaded.scene, &loaded.settings, &limits, loaded.choice.as_ref())?;
+        Ok((loaded, forecast))
+    })?;
+    for warning in &loaded.scene.warnings {
+        super::tell(format_args!("warning: {warning}"));
+    }
+    super::print(&if arguments.json { super::json(&forecast)? } else { table(&loaded, &forecast) })
+}
+
+/// A line for each item, those that the scene needs first.
+fn table(loaded: &Loaded, forecast: &Forecast) -> String {
+    let Forecast { method, why, seed, film: [width, height], samples, passes, parts, items, bytes } = forecast;
+    let mut text = String::new();
+    // Writing to a string cannot fail.
+    let _ = writeln!(text, "{}: method {method}, {why}", loaded.description.path.display());
+    let passes = match passes {
+        None => "passes until the end".to_string(),
+        Some(1) => "1 pass".to_string(),
+        Some(passes) => format!("{passes} passes"),
+    };
+    let parts = if *parts > 1 { format!(" in {parts} parts each") } else { String::new() };
+    let _ = writeln!(text, "{width} × {height} pixels, {samples} samples a pixel, {passes}{parts}, seed {seed}");
+    let name = items.iter().map(|item| item.name.len()).max().unwrap_or(0);
+    let facts: Vec<String> = items.iter().map(facts).collect();
+    let wide = facts.iter().map(|facts| facts.chars().count()).max().unwrap_or(0);
+    for needed in [true, false] {
+        let _ = writeln!(text, "\n{}", if needed { "what it gets" } else { "what it does without" });
+        for (item, facts) in items.iter().zip(&facts).filter(|(item, _)| item.needed == needed) {
+            let line = match needed {
+                true => format!("  {:name$}  {facts:wide$}  {}", item.name, item.why),
+                false => format!("  {:name$}  {}", item.name, item.why),
+            };
+            let _ = writeln!(text, "{}", line.trim_end());
+        }
+    }
+    let sizes = [
+        ("film", bytes.film),
+        ("maps in media", bytes.volume_map),
+        ("maps on surfaces", bytes.surface_maps),
+        ("voxels", bytes.density),
+    ];
+    let sizes: Vec<String> = sizes.iter().map(|(what, bytes)| format!("{what} {}", megabytes(*bytes))).collect();
+    let _ = writeln!(text, "\nmemory: {}", sizes.join(", "));
+    text
+}
+
+/// The numbers of an item.
+fn facts(item: &Item) -> String {
+    let mut facts: Vec<String> = Vec::new();
+    facts.extend(item.count.map(|count| count.to_string()));
+    facts.extend(item.emitted.map(|emitted| format!("of {emitted} emitted")));
+    facts.extend(item.events.map(|events| format!("{events} events")));
+    facts.extend(item.bytes.map(megabytes));
+    facts.join(", ")
+}
+
+fn megabytes(bytes: u64) -> String {
+    format!("{:.1} MB", bytes as f64 * 1e-6)
+}

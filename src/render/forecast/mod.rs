@@ -1,0 +1,149 @@
+//! What a scene gets, and why: every pass and structure that a render may have, whether this one has it, and what it takes.
+//!
+//! `items` says which there are, by the decisions of the [`Plan`] and by whoever takes them; `sample` traces some of a pass's photons,
+//! and builds maps of them, to tell what all of them will take. The samples are the first photons of the render itself, so their
+//! maps differ from its own in size alone.
+
+mod items;
+mod sample;
+
+use serde::ser::SerializeMap;
+use serde::{Serialize, Serializer};
+
+use super::camera::Camera;
+use super::choice::Choice;
+use super::limits::Limits;
+use super::plan::Plan;
+use crate::Result;
+use crate::scene::{Scene, Settings};
+
+/// What a render of a scene will be.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Forecast {
+    /// The method, as scene files call it.
+    pub method: &'static str,
+    /// Why that one.
+    pub why: String,
+    /// The seed of all random numbers.
+    pub seed: u64,
+    /// Pixels across and down.
+    pub film: [u32; 2],
+    /// Camera samples per pixel in a pass.
+    pub samples: u64,
+    /// Passes, each with fresh photons; `None` where time or error end them.
+    pub passes: Option<u32>,
+    /// Parts that each pass is made in.
+    pub parts: u32,
+    /// Passes and structures. In JSON an object with the names as keys.
+    #[serde(serialize_with = "by_name")]
+    pub items: Vec<Item>,
+    /// What the largest of them take.
+    pub bytes: Bytes,
+}
+
+/// A pass or a structure that a render may have.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Item {
+    /// Its name, which stays the same from version to version.
+    #[serde(skip)]
+    pub name: &'static str,
+    /// Whether this render has it.
+    pub needed: bool,
+    /// Why, or why not.
+    pub why: String,
+    /// How many there are, in each part of a pass: photons of a map, rays, records, as the name says.
+    pub count: Option<u64>,
+    /// Photons that are emitted for it.
+    pub emitted: Option<u64>,
+    /// Events of these on their way: reflections, refractions and collisions.
+    pub events: Option<u64>,
+    /// The memory it takes, in bytes.
+    pub bytes: Option<u64>,
+}
+
+/// Memory in bytes, as `--stats` tells it of a finished render.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Bytes {
+    /// The most that the film takes.
+    pub film: u64,
+    /// The maps of photons in media.
+    pub volume_map: u64,
+    /// The maps of photons on surfaces.
+    pub surface_maps: u64,
+    /// Voxels.
+    pub density: u64,
+}
+
+impl Forecast {
+    /// What a render will be, and what it will take. Some of its photons are traced for that, and nothing is rendered. `choice` is
+    /// what [`choose`](super::choose) said, if it was asked.
+    ///
+    /// # Errors
+    /// As [`render`](super::render::render), for scenes and limits that it refuses.
+    pub fn new(scene: &Scene, settings: &Settings, limits: &Limits, choice: Option<&Choice>) -> Result<Forecast> {
+        let plan = Plan::new(scene, settings, &Camera::new(&scene.camera, &settings.film), limits)?;
+        let samples = sample::Samples::take(scene, &plan)?;
+        let mut forecast = Forecast::of(scene, settings, limits, &plan, choice);
+        forecast.items = items::of(scene, settings, limits, (&plan, choice), Some(&samples));
+        forecast.bytes =
+            Bytes { volume_map: samples.volume_bytes(), surface_maps: samples.surface_bytes(), ..forecast.bytes };
+        Ok(forecast)
+    }
+
+    /// What a planned render will be, as far as the plan tells: without what its photons will come to.
+    pub fn of(scene: &Scene, settings: &Settings, limits: &Limits, plan: &Plan, choice: Option<&Choice>) -> Forecast {
+        let (width, height) = settings.film.size();
+        let ends = limits.time.is_none() && limits.target_error.is_none();
+        let passes = limits.passes(settings);
+        let why = match choice {
+            Some(Choice { why, .. }) => why.clone(),
+            None => "as the scene says".to_string(),
+        };
+        Forecast {
+            method: plan.method.name(),
+            why,
+            seed: plan.seed,
+            film: [width, height],
+            samples: u64::from(plan.samples) * u64::from(plan.parts),
+            passes: (ends || limits.passes.is_some()).then(|| passes.end() + 1 - passes.start()),
+            parts: plan.parts,
+            items: items::of(scene, settings, limits, (plan, choice), None),
+            bytes: Bytes {
+                film: limits.film_bytes(settings, plan.parts),
+                density: crate::medium::bytes(&scene.media),
+                ..Bytes::default()
+            },
+        }
+    }
+
+    /// An item by its name.
+    pub fn item(&self, name: &str) -> Option<&Item> {
+        self.items.iter().find(|item| item.name == name)
+    }
+
+    /// The plan in one line: the method, the photons of each map, and why those are missing that are.
+    pub fn line(&self) -> String {
+        let mut parts = vec![format!("method {}, {}", self.method, self.why)];
+        if self.method == crate::scene::description::Method::Photon.name() {
+            for (name, what) in
+                [("volume_photons", "volume"), ("caustic_photons", "caustic"), ("global_photons", "global")]
+            {
+                let Some(item) = self.item(name) else { continue };
+                parts.push(match (item.needed, item.count) {
+                    (true, Some(count)) => format!("{count} {what} photons"),
+                    (true, None) => format!("{what} photons"),
+                    (false, _) => format!("no {what} map, as {}", item.why),
+                });
+            }
+        }
+        parts.join("; ")
+    }
+}
+
+fn by_name<S: Serializer>(items: &[Item], serializer: S) -> std::result::Result<S::Ok, S::Error> {
+    let mut map = serializer.serialize_map(Some(items.len()))?;
+    for item in items {
+        map.serialize_entry(item.name, item)?;
+    }
+    map.end()
+}

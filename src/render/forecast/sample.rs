@@ -1,0 +1,154 @@
+//! What a pass's photons will come to, by some of them.
+
+use crate::Result;
+use crate::gather::{GlobalMap, SurfaceMap, VisibilityMap};
+use crate::photon::{Kind, Landed, Traced, sample, sample_surfaces, trace_shadows};
+use crate::render::maps::{Maps, mean_extinctions, shadow_order, surface_order, wanted};
+use crate::render::pass::order;
+use crate::render::plan::Plan;
+use crate::render::sparse;
+use crate::scene::Scene;
+
+/// Photons of a map that tell what all of them take: few, and enough that blocks and walls are as in the map.
+const ENOUGH: u64 = 1 << 16;
+
+/// What was found of photons that a render is going to trace; `None` of those it does not want.
+#[derive(Debug, Default)]
+pub(super) struct Samples {
+    pub volume: Option<Expected>,
+    pub caustic: Option<Expected>,
+    pub global: Option<Expected>,
+    pub shadow: Option<Expected>,
+}
+
+/// What photons of a map come to.
+#[derive(Debug, Default)]
+pub(super) struct Expected {
+    /// Photons of the map.
+    pub stored: u64,
+    /// Photons emitted for it,
+    pub emitted: u64,
+    /// and their events.
+    pub events: u64,
+    /// Whether most of them are aimed.
+    pub aimed: bool,
+    /// Whether their first collisions are forced.
+    pub forced: bool,
+    /// Why there are none, if a pilot found that.
+    pub why_none: Option<&'static str>,
+    /// Bytes of the map,
+    pub bytes: u64,
+    /// and of that what walls near photons take,
+    pub walls: u64,
+    /// what is kept for rays that surfaces spread,
+    pub sparse: u64,
+    /// of how many photons,
+    pub sparse_photons: u64,
+    /// what irradiances take that are known beforehand,
+    pub irradiances: u64,
+    /// and what tells where light comes from.
+    pub flux: u64,
+    /// Whether some discs lean on walls.
+    pub leans: bool,
+    /// The mean radius of discs.
+    pub radius: f64,
+}
+
+impl Samples {
+    /// Traces some of the photons of a plan's first pass, and builds maps of them.
+    pub fn take(scene: &Scene, plan: &Plan) -> Result<Samples> {
+        let volume = if plan.volume_photons > 0 { Some(of_media(scene, plan)?) } else { None };
+        let on_surfaces =
+            |kind| if wanted(plan, kind) > 0 { of_surfaces(scene, plan, kind).map(Some) } else { Ok(None) };
+        let shadow = shadow_order(plan, 0).map(|order| {
+            let shadows = trace_shadows(scene, &order, &|| false);
+            let map = VisibilityMap::build(&shadows.photons, scene.lights.len());
+            let (stored, emitted) = (shadows.photons.len() as u64, shadows.emitted);
+            Expected { stored, emitted, bytes: map.bytes() as u64, ..Expected::default() }
+        });
+        Ok(Samples { volume, caustic: on_surfaces(Kind::Caustic)?, global: on_surfaces(Kind::Global)?, shadow })
+    }
+
+    /// Bytes of the maps of photons in media.
+    pub fn volume_bytes(&self) -> u64 {
+        self.volume.as_ref().map_or(0, |map| map.bytes)
+    }
+
+    /// Bytes of the maps of photons on surfaces.
+    pub fn surface_bytes(&self) -> u64 {
+        [&self.caustic, &self.global, &self.shadow].into_iter().flatten().map(|map| map.bytes).sum()
+    }
+}
+
+/// As much as there is in all, if `part` is what a part of the emissions leave.
+fn all(part: u64, emitted: u64, planned: u64) -> u64 {
+    (part as f64 * planned as f64 / emitted.max(1) as f64).round() as u64
+}
+
+fn of_media(scene: &Scene, plan: &Plan) -> Result<Expected> {
+    let traced = sample(scene, &order(plan, 0), ENOUGH)?;
+    let Traced { emitted, planned, events, aimed, forced, .. } = traced;
+    let scaled = |part: usize| all(part as u64, emitted, planned);
+    let mut expected = Expected {
+        stored: scaled(traced.stored() as usize),
+        emitted: planned,
+        events: (planned as f64 * events) as u64,
+        aimed,
+        forced,
+        ..Expected::default()
+    };
+    if expected.stored == 0 {
+        expected.why_none = Some("none of a pilot's photons meets a medium that scatters");
+        return Ok(expected);
+    }
+
+    // As wide as all of them will be. Those for rays that surfaces spread are as large as their number says.
+    let thinned = Plan { radius: plan.radius.among(emitted as f64 / planned as f64), spreads: false, ..plan.clone() };
+    let extinctions = mean_extinctions(scene, &traced.regions);
+    let maps = Maps::build(scene, &thinned, 0, &extinctions, traced.regions);
+    let mut radii = 0.0;
+    for (_, map) in maps.summaries() {
+        let (photons, bytes) = (scaled(map.photons), scaled(map.bytes));
+        let one_in = sparse::one_in(photons as usize).filter(|_| plan.spreads && plan.points.is_none());
+        let of_spread = |number: u64| one_in.map_or(0, |one_in| number / one_in as u64);
+        expected.sparse += of_spread(bytes);
+        expected.sparse_photons += of_spread(photons);
+        expected.bytes += bytes + of_spread(bytes);
+        expected.walls += scaled(map.walls);
+        expected.leans |= map.leans;
+        radii += f64::from(map.radii.mean) * photons as f64;
+    }
+    expected.radius = radii / expected.stored as f64;
+    Ok(expected)
+}
+
+fn of_surfaces(scene: &Scene, plan: &Plan, kind: Kind) -> Result<Expected> {
+    let landed = sample_surfaces(scene, &surface_order(plan, kind, 0), ENOUGH)?;
+    let Landed { emitted, planned, events, aimed, why_none, .. } = landed;
+    let scaled = |part: usize| all(part as u64, emitted, planned);
+    let mut expected = Expected {
+        stored: scaled(landed.photons.len()),
+        emitted: planned,
+        events: (planned as f64 * events) as u64,
+        aimed,
+        why_none,
+        ..Expected::default()
+    };
+    if landed.photons.is_empty() {
+        return Ok(expected);
+    }
+    match kind {
+        Kind::Caustic => {
+            let (reach, filter) = plan.caustics;
+            let map = SurfaceMap::build(scene, (kind, landed.photons), reach, filter, 1.0);
+            expected.bytes = scaled(map.bytes());
+        }
+        Kind::Global => {
+            let map = GlobalMap::build(scene, (landed.photons, landed.scattered), &plan.global, 1.0);
+            expected.bytes = scaled(map.bytes());
+            expected.irradiances = scaled(map.irradiance_bytes());
+            expected.flux = map.flux().map_or(0, |flux| scaled(flux.bytes()));
+        }
+    }
+    Ok(expected)
+}

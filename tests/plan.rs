@@ -1,0 +1,112 @@
+//! The plan that is told is the one that is followed: what it says a render will have, the render has, of about that size.
+
+use std::sync::atomic::AtomicBool;
+
+use volpm::render::{Forecast, Limits, Rendering, Silent, choose, render};
+
+use crate::support::built;
+
+/// A room with a lamp, of which parts are exchanged.
+const ROOM: &str = r#"
+[film]
+width = 24
+height = 16
+[camera]
+position = [0, 0, 3.9]
+target = [0, 0, 0]
+[render]
+samples = 1
+[materials.wall]
+type = "lambert"
+reflectance = 0.6
+[materials.glass]
+type = "dielectric"
+ior = 1.5
+[media.fog]
+sigma_s = 0.2
+[media.cloud]
+sigma_t = 6
+albedo = 0.9
+density = { type = "noise", threshold = 0.3 }
+phase = { type = "hg", g = 0.8 }
+[[shapes]]
+type = "box"
+min = [-4, -4, -4]
+max = [4, 4, 4]
+material = "wall"
+[[shapes]]
+name = "ball"
+type = "sphere"
+center = [0, -1, 0]
+radius = 1
+material = "wall"
+[[lights]]
+type = "point"
+position = [1, 3, 0]
+intensity = 5
+"#;
+
+/// Of photons in fog and on surfaces, of voxels by paths through peaks, of points, of a path tracer and of a light tracer: whatever the
+/// plan says there is, and only that, is there after the render, as large as it said to a fifth, and of as many photons.
+#[test]
+fn a_render_has_what_its_plan_says() {
+    let volume = "photons.volume=90000";
+    let cases: [(&str, &[&str]); 7] = [
+        ("walls", &["photons.global=90000"]),
+        ("a caustic, shown", &["shapes.ball.material=glass", "surface.shadow_photons=true", volume]),
+        ("fog", &["world.medium=fog", volume]),
+        (
+            "a cloud, and the map of surfaces",
+            &["shapes.ball.material=none", "shapes.ball.interior=cloud", "surface.indirect=map", volume],
+        ),
+        ("points", &["world.medium=fog", "volume.estimate=point", "render.max_depth=3", "photons.volume=70000"]),
+        ("paths", &["world.medium=fog", "render.method=path", "film.layers=false"]),
+        ("light paths", &["shapes.ball.material=glass", "render.method=light"]),
+    ];
+    for (what, overrides) in cases {
+        let (scene, mut settings) = built(ROOM, overrides);
+        let choice = choose(&scene, &settings).unwrap();
+        if let Some(choice) = &choice {
+            settings.render.method = choice.method;
+        }
+        let forecast = Forecast::new(&scene, &settings, &Limits::default(), choice.as_ref()).unwrap();
+        let Rendering { stats, .. } = render(&scene, &settings, &Silent, &AtomicBool::new(false)).unwrap();
+        assert_eq!(forecast.method, settings.render.method.name(), "{what}");
+        let close = |name: &str, told: u64, found: u64, off: f64| {
+            let allowed = off * found as f64 + if found > 0 { 20.0 } else { 0.0 };
+            assert!(told.abs_diff(found) as f64 <= allowed, "{what}, {name}: {told} told, {found} found");
+        };
+        let told = |name: &str| forecast.item(name).unwrap_or_else(|| panic!("{name}"));
+        for (name, found) in [
+            ("volume_photons", stats.volume),
+            ("caustic_photons", stats.caustic),
+            ("global_photons", stats.global),
+            ("shadow_photons", stats.shadow),
+        ] {
+            assert_eq!(told(name).needed, found > 0, "{what}, {name}: {}", told(name).why);
+            close(name, told(name).count.unwrap_or(0), found, 0.1);
+        }
+        for (name, found) in [("irradiance_cache", stats.records), ("camera_paths", stats.samples)] {
+            assert_eq!(told(name).needed, found > 0, "{what}, {name}: {}", told(name).why);
+            assert!(told(name).count.unwrap_or(0) >= found, "{what}, {name}: {found}");
+        }
+        close("volume_map", forecast.bytes.volume_map, stats.map_bytes, 0.2);
+        close("surface_maps", forecast.bytes.surface_maps, stats.surface_bytes, 0.2);
+        let parts = ["caustic_map", "global_map", "visibility_map"].map(|name| told(name).bytes.unwrap_or(0));
+        assert_eq!(parts.iter().sum::<u64>(), forecast.bytes.surface_maps, "{what}");
+    }
+}
+
+/// Every item is explained on the page about plans, with a reason where it is needed and where it is not.
+#[test]
+fn every_item_is_explained() {
+    let page = include_str!("../docs/plan.md");
+    for overrides in [&[][..], &["world.medium=fog"], &["render.method=path"]] {
+        let (scene, settings) = built(ROOM, overrides);
+        let forecast = Forecast::new(&scene, &settings, &Limits::default(), None).unwrap();
+        for item in &forecast.items {
+            assert!(page.contains(&format!("| `{}` |", item.name)), "docs/plan.md has no row for {}", item.name);
+            assert!(!item.why.is_empty(), "{}", item.name);
+        }
+    }
+}
