@@ -236,8 +236,12 @@ fn what_is_wrong_is_refused_before_the_work() {
         (vec!["plan", NAME, "--set", "film.widht=3"], 2, "did you mean `width`"),
         (vec!["plan", NAME, "--strict", "--set", "lights=[]"], 2, "(warnings are errors: --strict)"),
         (vec!["plan", NAME, "--memory", "1MB"], 2, "are not enough"),
-        (vec!["new", "scene"], 2, "`volpm new` is not supported yet"),
-        (vec!["help", "media.fog.sigma_s"], 2, "not supported yet"),
+        (vec!["new", "scene.toml"], 2, "--from"),
+        (vec!["new", "scene.toml", "--from", "steam"], 2, "fog, smoke, marble, caustic, room"),
+        (vec!["new", "notes.txt", "--from", "fog"], 2, "exists already"),
+        (vec!["new", "nowhere/scene.toml", "--from", "fog"], 1, "there is no folder nowhere"),
+        (vec!["help", "media.fog.sigma_x"], 2, "did you mean `media.*.sigma_"),
+        (vec!["help", "nowhere.at_all_or_elsewhere"], 2, "neither a command nor a key"),
         (render(&["--passes", "0"]), 2, "--passes"),
         (render(&["--passes", "4", "--pass-range", "1..2"]), 2, "cannot be used with"),
         (render(&["--pass-range", "0..3"]), 2, "counted from 1"),
@@ -586,4 +590,56 @@ fn nothing_prints_by_what_panics_without_a_reader() {
         }
     }
     search(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src"));
+}
+
+/// Each starting scene stands alone, has nothing to warn about, and is a picture; what is there is never replaced.
+#[test]
+fn new_scenes_render_as_they_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    for kind in ["fog", "smoke", "marble", "caustic", "room"] {
+        let file = format!("my {kind}.toml");
+        let done = run(folder.path(), &["new", &file, "--from", kind]);
+        assert_eq!(done.status.code(), Some(0), "{kind}: {}", text(&done.stderr));
+        let again = run(folder.path(), &["new", &file, "--from", "fog"]);
+        assert_eq!(again.status.code(), Some(2), "{kind}: {}", text(&again.stderr));
+        let (scene, settings) = volpm::scene::build(&volpm::scene::read(&at(&file), &[]).unwrap()).unwrap();
+        assert!(scene.warnings.is_empty(), "{kind}: {:?}", scene.warnings);
+        assert!(settings.render.seed == 1 && settings.film.size().0 >= 200, "{kind} was replaced");
+        let small = ["film.width=24", "film.height=18", "photons.volume=20000", "photons.caustic=10000"];
+        let small: Vec<&str> = small.iter().flat_map(|set| ["--set", set]).collect();
+        let picture = [&["render", &file, "--samples", "2", "--quiet", "-o", "a.pfm"][..], &small].concat();
+        let done = run(folder.path(), &picture);
+        assert_eq!(done.status.code(), Some(0), "{kind}: {}", text(&done.stderr));
+        let image = image::read(at("a.pfm")).unwrap().image;
+        let values = image.pixels.as_flattened();
+        let lit = values.iter().filter(|value| **value > 0.0).count();
+        assert!(values.iter().all(|value| value.is_finite()) && 2 * lit > values.len(), "{kind}: {lit} are lit");
+    }
+}
+
+/// What plans and manuals say is printed as it is asked for: a table, or one object with the names that stay; a key, with its default.
+#[test]
+fn plans_and_manuals_are_printed() {
+    let folder = workplace();
+    let plan = run(folder.path(), &["plan", NAME, "--samples", "3"]);
+    assert_eq!(plan.status.code(), Some(0), "{}", text(&plan.stderr));
+    assert!(text(&plan.stdout).contains("3 samples a pixel") && text(&plan.stdout).contains("volume_map"));
+    let object = run(folder.path(), &["plan", NAME, "--json"]);
+    let object: Value = serde_json::from_slice(&object.stdout).unwrap();
+    assert_eq!((&object["method"], &object["film"]), (&"photon".into(), &serde_json::json!([12, 8])));
+    let items = &object["items"];
+    assert_eq!((&items["volume_map"]["needed"], &items["light_paths"]["needed"]), (&true.into(), &false.into()));
+    assert_eq!(items["volume_map"]["bytes"], object["bytes"]["volume_map"]);
+    assert_eq!(names_in(folder.path()), ["scènes of mine"]);
+    for (key, expected) in [
+        ("volume.neighbours", "volume.neighbours\n  value    an integer"),
+        ("media.smoke.phase.g", "media.*.phase.g  (of hg)"),
+        ("surface", "irradiance_cache"),
+        ("render", "Usage: volpm render"),
+    ] {
+        let done = run(folder.path(), &["help", key]);
+        assert_eq!(done.status.code(), Some(0), "{key}: {}", text(&done.stderr));
+        assert!(text(&done.stdout).contains(expected), "{key}: {}", text(&done.stdout));
+    }
 }

@@ -4,7 +4,9 @@ mod check;
 mod compare;
 mod diff;
 mod info;
+mod manual;
 mod merge;
+mod new;
 mod picture;
 mod plan;
 mod planned;
@@ -22,14 +24,19 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use clap::error::{ContextKind, ContextValue};
+use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
 use crate::{Error, Result};
 
 /// A renderer for light in fog, smoke and marble.
 #[derive(Parser)]
-#[command(name = "volpm", version, max_term_width = 100)]
+#[command(
+    name = "volpm",
+    version,
+    max_term_width = 100,
+    after_help = "`volpm help KEY` is the manual of a key of scene files, such as volume.neighbours, or of a table, such as volume."
+)]
 struct Arguments {
     #[command(subcommand)]
     command: Command,
@@ -47,6 +54,8 @@ enum Command {
     Diff(diff::Arguments),
     /// Joins checkpoints of one scene made with other seeds or passes.
     Merge(merge::Arguments),
+    /// Writes a commented scene to start from.
+    New(new::Arguments),
     /// Which passes and structures a scene gets, and why not others.
     Plan(plan::Arguments),
     /// What is in a scene, .vdb, .obj, .npy, image or checkpoint file.
@@ -57,13 +66,12 @@ enum Command {
 /// is not to be believed; 130 interrupted.
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let arguments: Vec<OsString> = arguments.into_iter().collect();
-    let asks_for_help = arguments.get(1).is_some_and(|first| first == "help");
+    let asked = key_asked_for(&arguments);
     let arguments = match Arguments::try_parse_from(arguments) {
         Ok(arguments) => arguments,
         Err(error) => {
-            if let Some(message) = still_to_come(&error, asks_for_help) {
-                tell(format_args!("error: {message}"));
-                return ExitCode::from(2);
+            if let Some(key) = asked.filter(|_| error.kind() == ErrorKind::InvalidSubcommand) {
+                return status(manual::run(&key));
             }
             // Help and version go to stdout with status 0, complaints to stderr with status 2.
             let printed = error.print();
@@ -76,6 +84,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Check(arguments) => check::run(&arguments),
         Command::Diff(arguments) => diff::run(&arguments),
         Command::Merge(arguments) => merge::run(&arguments),
+        Command::New(arguments) => new::run(&arguments),
         Command::Plan(arguments) => plan::run(&arguments),
         Command::Info(arguments) => info::run(&arguments),
     };
@@ -93,24 +102,12 @@ fn status(done: Result<()>) -> ExitCode {
     }
 }
 
-/// Commands that the manual promises for later.
-const LATER_COMMANDS: [&str; 1] = ["new"];
-
-/// What to say where the command line is refused for a command that is not built yet.
-fn still_to_come(error: &clap::Error, asks_for_help: bool) -> Option<String> {
-    let named = |kind| match error.get(kind) {
-        Some(ContextValue::String(name)) => Some(name.as_str()),
+/// What `volpm help` is asked for, if that may be a key of scene files.
+fn key_asked_for(arguments: &[OsString]) -> Option<String> {
+    match arguments {
+        [_, help, key] if help == "help" => key.to_str().map(str::to_string),
         _ => None,
-    };
-    if let Some(name) = named(ContextKind::InvalidSubcommand) {
-        if asks_for_help {
-            return Some(format!(
-                "{name:?} is no command, and the manual of a key is not supported yet; `volpm help` lists the commands"
-            ));
-        }
-        return LATER_COMMANDS.contains(&name).then(|| format!("`volpm {name}` is not supported yet"));
     }
-    None
 }
 
 /// What is set by Ctrl-C. A second one ends the program at once.

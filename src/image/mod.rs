@@ -25,7 +25,7 @@ pub use error::{DiffOptions, Figures, NonFinite, Pair, compare};
 pub use flip::{DEFAULT_PIXELS_PER_DEGREE, Flip, flip, hdr_flip};
 pub use map::{Palette, map_with_bar, range_of, signed_errors};
 pub use tone::{ToneMap, ToneSettings, auto_exposure, tone_map};
-pub use write::{check_target, write_aside};
+pub use write::{check_target, write_aside, write_new};
 
 use crate::{Error, Result};
 

@@ -24,10 +24,42 @@ pub fn write_aside(
     replace(&target, fill).map_err(|error| Error::output(path, error))
 }
 
-fn replace(target: &Path, fill: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>) -> io::Result<()> {
-    let folder = folder_of(target);
-    let mut aside = aside().tempfile_in(&folder)?;
+/// Writes a file as [`write_aside`] does, but never in the place of another.
+///
+/// # Errors
+/// [`Error::Usage`] where there is something at `path`, whatever it is; else [`Error::Output`].
+pub fn write_new(path: impl AsRef<Path>, fill: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>) -> Result<()> {
+    let path = path.as_ref();
+    let exists =
+        || Error::Usage(format!("{}: exists already, and is left as it is: name another file", path.display()));
+    // A link that leads nowhere is something, too.
+    if fs::symlink_metadata(path).is_ok() {
+        return Err(exists());
+    }
+    check_target(path)?;
+    let written = filled(path, fill).and_then(|aside| {
+        aside.persist_noclobber(path).map_err(|error| error.error)?;
+        sync_folder(path);
+        Ok(())
+    });
+    written.map_err(|error| match error.kind() {
+        io::ErrorKind::AlreadyExists => exists(),
+        _ => Error::output(path, error),
+    })
+}
 
+fn replace(target: &Path, fill: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>) -> io::Result<()> {
+    filled(target, fill)?.persist(target).map_err(|error| error.error)?;
+    sync_folder(target);
+    Ok(())
+}
+
+/// A file aside `target`, filled and on the disk.
+fn filled(
+    target: &Path,
+    fill: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>,
+) -> io::Result<tempfile::NamedTempFile> {
+    let mut aside = aside().tempfile_in(folder_of(target))?;
     let mut buffer = BufWriter::with_capacity(1 << 16, aside.as_file_mut());
     fill(&mut buffer)?;
     buffer.flush()?;
@@ -36,13 +68,17 @@ fn replace(target: &Path, fill: impl FnOnce(&mut BufWriter<&mut File>) -> io::Re
         aside.as_file().set_permissions(existing.permissions())?;
     }
     aside.as_file().sync_all()?;
-    aside.persist(target).map_err(|error| error.error)?;
-    // The name itself is in the folder. Not every file system can sync one, and the data is safe.
+    Ok(aside)
+}
+
+/// Puts the name of a file on the disk, which is in its folder. Not every file system can do that, and the data is safe.
+fn sync_folder(target: &Path) {
     #[cfg(unix)]
-    if let Ok(folder) = File::open(&folder) {
+    if let Ok(folder) = File::open(folder_of(target)) {
         let _ = folder.sync_all();
     }
-    Ok(())
+    #[cfg(not(unix))]
+    let _ = target;
 }
 
 /// How files are named until they are whole.

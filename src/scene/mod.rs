@@ -6,6 +6,7 @@
 mod build;
 pub mod description;
 mod glow;
+pub mod manual;
 mod mixture;
 mod overrides;
 mod read;

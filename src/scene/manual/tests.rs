@@ -1,0 +1,167 @@
+use std::path::Path;
+use std::sync::Arc;
+
+use super::*;
+use crate::scene::description::Document;
+use crate::scene::parse;
+use crate::scene::tree::{self, Node, Value};
+
+const CAMERA: &str = "camera = { position = [0, 0, 5], target = [0, 0, 0] }\n";
+
+/// A scene that has a section's table.
+fn scene(section: &Section) -> String {
+    let example = section.example.replace("NAME", if section.path.starts_with("media") { "fog" } else { "stone" });
+    format!("{CAMERA}{example}\n")
+}
+
+/// Where a section's table stands in its example.
+fn place(section: &Section) -> String {
+    let named = section.path.replace("media.*", "media.fog").replace("materials.*", "materials.stone");
+    named.replace('*', "0")
+}
+
+/// A value of a key of that table, as an override.
+fn set(section: &Section, key: &str, value: &str) -> String {
+    let place = place(section);
+    if place.is_empty() { format!("{key}={value}") } else { format!("{place}.{key}={value}") }
+}
+
+fn read(section: &Section, overrides: &[String]) -> std::result::Result<serde_json::Value, String> {
+    let description = parse(&scene(section), Path::new("scene.toml"), overrides).map_err(|error| error.to_string())?;
+    Ok(serde_json::to_value(&description).unwrap())
+}
+
+/// Sections that a file can have: of those with kinds, one for each.
+fn tables() -> impl Iterator<Item = &'static Section> {
+    sections().filter(|section| section.path == "camera" || !section.example.is_empty())
+}
+
+/// Keys of a section, and of all kinds of its table.
+fn keys(section: &Section) -> Vec<&'static Key> {
+    let shared =
+        sections().filter(|other| other.path == section.path && (other.kind.is_empty() || other.kind == section.kind));
+    shared.flat_map(|other| other.keys).collect()
+}
+
+/// Of every table the manual has the keys that the reader asks it for, and no others: those that its message lists beside a key that is unknown.
+#[test]
+fn the_manual_has_the_keys_that_the_reader_knows() {
+    for section in tables() {
+        let what = format!("[{}] {}", section.path, section.kind);
+        read(section, &[]).unwrap_or_else(|error| panic!("{what}: {error}"));
+        let error = read(section, &[set(section, "no_such_key", "1")]).unwrap_err();
+        let (_, listed) = error.split_once("(keys here: ").unwrap_or_else(|| panic!("{what}: {error}"));
+        let mut known: Vec<&str> = listed.split(')').next().unwrap().split(", ").collect();
+        let mut told: Vec<&str> = keys(section).iter().map(|key| key.name).collect();
+        (known.sort_unstable(), told.sort_unstable());
+        known.dedup();
+        assert_eq!(told, known, "{what}");
+    }
+}
+
+/// A default that is a value is the reader's: a scene that says it is the scene that does not.
+#[test]
+fn defaults_are_those_of_the_reader() {
+    for section in tables() {
+        for key in keys(section) {
+            let Is(value) = key.default else { continue };
+            let what = section.path_of(key);
+            let example: &str = without(section.example, key.name).leak();
+            let section = Section { example, ..*section };
+            let read =
+                |overrides: &[String]| read(&section, overrides).unwrap_or_else(|error| panic!("{what}: {error}"));
+            assert_eq!(read(&[set(&section, key.name, value)]), read(&[]), "{what} is not {value} by default");
+        }
+    }
+}
+
+/// An example without a key, if it has that.
+fn without(example: &str, key: &str) -> String {
+    let Some(start) = example.find(&format!(" {key} = ")) else { return example.to_string() };
+    let mut depth = 0;
+    let end = example[start..].find(|c: char| {
+        depth += i32::from("[{".contains(c)) - i32::from("]}".contains(c));
+        depth < 0 || depth == 0 && c == ','
+    });
+    let rest = &example[start + end.unwrap()..];
+    let before = example[..start].trim_end_matches(',');
+    if before.ends_with('{') { format!("{before}{}", rest.trim_start_matches(',')) } else { format!("{before}{rest}") }
+}
+
+/// The pages name every key, whatever is said of a key is said in whole, and keys that it refers to exist.
+#[test]
+fn pages_name_every_key() {
+    let page = include_str!("../../../docs/scene-format.md");
+    let studies = include_str!("../../../docs/compare.md");
+    for (section, key) in all_keys() {
+        let page = if section.path.starts_with("compare") { studies } else { page };
+        let word = |c: char| c.is_alphanumeric() || c == '_';
+        let named = page.split(|c: char| !word(c)).any(|found| found == key.name);
+        let what = section.path_of(key);
+        assert!(named, "no page names {what}");
+        assert!(!key.value.is_empty() && !key.about.is_empty(), "{what}");
+        for other in key.see {
+            let found = matches!(find(other), Found::Keys(_) | Found::Sections(_));
+            assert!(found && *other != what, "{what} refers to {other}");
+        }
+    }
+}
+
+/// Keys of all scenes of the project are in the manual, wherever they stand.
+#[test]
+fn keys_of_scenes_are_in_the_manual() {
+    fn walk(path: &str, node: &Node, missing: &mut Vec<String>) {
+        // What is replaced is given by whole paths.
+        if [".set", "reference_set", ".limit"].iter().any(|end| path.ends_with(end)) {
+            return;
+        }
+        let parts: Vec<(&str, &Node)> = match &node.value {
+            Value::Table(entries) => entries.iter().map(|entry| (entry.key.as_str(), &entry.node)).collect(),
+            Value::Array(items) => items.iter().map(|item| ("0", item)).collect(),
+            _ => Vec::new(),
+        };
+        for (key, node) in parts {
+            let path = if path.is_empty() { key.to_string() } else { format!("{path}.{key}") };
+            // A texture or a part of a material may stand in many places; the places themselves are keys.
+            let inner = path.starts_with("materials") && path.matches('.').count() > 2;
+            let is_element = key == "0" && !matches!(node.value, Value::Table(_));
+            if !inner && !is_element && matches!(find(&path), Found::Nothing(_)) {
+                missing.push(path.clone());
+            }
+            walk(&path, node, missing);
+        }
+    }
+    let (mut missing, mut read) = (Vec::new(), 0);
+    for folder in ["", "jensen", "materials", "paper", "lamps", "room", "stress", "studies"] {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(folder);
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.extension().is_some_and(|ending| ending == "toml") {
+                let document = Document { name: String::new(), text: std::fs::read_to_string(&path).unwrap() };
+                walk("", &tree::parse(&Arc::new(document)).unwrap(), &mut missing);
+                read += 1;
+            }
+        }
+    }
+    assert!(missing.is_empty() && read > 40, "{missing:?} in {read} scenes");
+}
+
+/// What is asked for is found by its whole path, by any name in place of a star, and by its end; a misspelt key has a suggestion.
+#[test]
+fn keys_are_found_as_users_ask_for_them() {
+    let paths = |asked: &str| match find(asked) {
+        Found::Keys(keys) => keys.iter().map(|(section, key)| section.path_of(key)).collect::<Vec<_>>(),
+        Found::Sections(sections) => sections.iter().map(|section| format!("[{}]", section.path)).collect(),
+        Found::Nothing(nearest) => vec![format!("? {}", nearest.unwrap_or_default())],
+    };
+    assert_eq!(paths("volume.neighbours"), ["volume.neighbours"]);
+    for asked in ["media.*.phase.g", "media.fog.phase.g", "media.phase.g", "phase.g"] {
+        assert_eq!(paths(asked), ["media.*.phase.g"], "{asked}");
+    }
+    assert_eq!(paths("neighbours"), ["volume.neighbours", "surface.neighbours"]);
+    assert_eq!(paths("shapes.3.casts_caustics"), ["shapes.*.casts_caustics"]);
+    assert_eq!(paths("volume.march"), ["[volume.march]"]);
+    assert_eq!(paths("volume.nieghbours"), ["? volume.neighbours"]);
+    assert_eq!(paths("nieghbours"), ["? volume.neighbours"]);
+    assert_eq!(paths("xyzzy"), ["? "]);
+}
