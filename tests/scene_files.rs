@@ -748,7 +748,7 @@ const MISTAKES: &[(&str, &str, &str)] = &[
 
 #[test]
 fn mistakes_are_named_with_place_value_and_remedy() {
-    let mut failures = Vec::new();
+    let (mut failures, mut shown) = (Vec::new(), 0);
     for (text, key, part) in MISTAKES {
         let text = format!("{text}\n{CAMERA}");
         let before = text.split('‸').next().unwrap_or_default();
@@ -758,11 +758,26 @@ fn mistakes_are_named_with_place_value_and_remedy() {
             start += &format!("{key}: ");
         }
         let message = complaint(&text.replace('‸', ""), &[]);
-        if !message.starts_with(&start) || !message.contains(part) || message.lines().count() != 1 {
+        if !message.starts_with(&start) || !message.contains(part) || told(&message).count() != 1 {
             failures.push(format!("expected {start}… {part}\ngot      {message}"));
         }
+        // Below stands the line of the file, with a mark where the mistake is; what is missing stands nowhere.
+        if let [_, line, mark] = message.lines().collect::<Vec<_>>()[..] {
+            shown += 1;
+            let from_mark: String = line.chars().skip(mark.chars().count() - 1).collect();
+            let meant = text.split('‸').nth(1).and_then(|rest| rest.lines().next()).unwrap_or_default();
+            if !mark.ends_with('^') || !meant.starts_with(&from_mark) || from_mark.is_empty() != meant.is_empty() {
+                failures.push(format!("the mark is not before {meant}: {message}"));
+            }
+        }
     }
+    assert!(4 * shown > 3 * MISTAKES.len(), "{shown} of {} mistakes are shown in their line", MISTAKES.len());
     assert!(failures.is_empty(), "{}", failures.join("\n"));
+}
+
+/// The lines of a message that tell of a problem, without those of the file.
+fn told(message: &str) -> impl Iterator<Item = &str> {
+    message.lines().filter(|line| !line.starts_with(' '))
 }
 
 /// Mixtures of mixtures have an end.
@@ -810,8 +825,8 @@ fn several_mistakes_are_reported_at_once_in_the_order_of_the_file() {
         "7:8: lights.0.type",
         "--set render.samples=0: render.samples",
     ];
-    assert_eq!(message.lines().count(), keys.len(), "{message}");
-    for (line, key) in message.lines().zip(keys) {
+    assert_eq!(told(&message).count(), keys.len(), "{message}");
+    for (line, key) in told(&message).zip(keys) {
         assert!(line.contains(key), "expected {key} in {line}");
     }
 }

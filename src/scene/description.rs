@@ -56,9 +56,9 @@ impl Place {
         &self.key
     }
 
-    /// An error about what stands here: `file:line:column: key: message`.
+    /// An error about what stands here: `file:line:column: key: message`, and below the line of the file.
     pub fn error(&self, message: impl fmt::Display) -> Error {
-        Error::Scene(format!("{self}: {message}"))
+        Error::Scene(format!("{self}: {message}{}", self.source.excerpt()))
     }
 }
 
@@ -71,6 +71,24 @@ impl Source {
         let lines = before.bytes().filter(|&byte| byte == b'\n').count();
         // A byte order mark takes no column.
         Some((lines + 1, before[start..].chars().filter(|&c| c != '\u{feff}').count() + 1))
+    }
+}
+
+impl Source {
+    /// The line of the file that this stands in, with a mark below its place: two lines more of a message, indented. Nothing for an
+    /// override.
+    pub(crate) fn excerpt(&self) -> String {
+        // So much of a long line is shown, and so much of that before the place.
+        const SHOWN: usize = 100;
+        const BEFORE: usize = 60;
+        let (Source::File { document, .. }, Some((line, column))) = (self, self.line_and_column()) else {
+            return String::new();
+        };
+        let Some(text) = document.text.lines().nth(line - 1) else { return String::new() };
+        let first = (column - 1).saturating_sub(BEFORE);
+        let plain = |c: char| if c.is_control() { ' ' } else { c };
+        let shown: String = text.chars().filter(|&c| c != '\u{feff}').skip(first).take(SHOWN).map(plain).collect();
+        format!("\n    {}\n    {}^", shown.trim_end(), " ".repeat(column - 1 - first))
     }
 }
 

@@ -61,7 +61,7 @@ impl Problems {
         Noted
     }
 
-    /// An error that holds all problems in the order of the file, or none.
+    /// An error that holds all problems in the order of the file, each in a line and with the line of the file below, or none.
     pub(super) fn check(&self) -> Result<()> {
         let mut kept = self.kept.borrow().clone();
         if kept.is_empty() {
@@ -70,7 +70,12 @@ impl Problems {
         kept.sort_by_cached_key(|problem| problem.place.source.line_and_column().unwrap_or((usize::MAX, 0)));
         let others = self.others.get() + kept.len().saturating_sub(Self::SHOWN);
         let shown = kept.iter().take(Self::SHOWN);
-        let mut lines: Vec<String> = shown.map(|problem| format!("{}: {}", problem.place, problem.message)).collect();
+        let line = |Problem { place, message, missing }: &Problem| {
+            // What is missing stands nowhere.
+            let excerpt = if *missing { String::new() } else { place.source.excerpt() };
+            format!("{place}: {message}{excerpt}")
+        };
+        let mut lines: Vec<String> = shown.map(line).collect();
         if others > 0 {
             lines.push(format!("and {others} more"));
         }

@@ -79,7 +79,7 @@ impl Forecast {
     /// what [`choose`](super::choose) said, if it was asked.
     ///
     /// # Errors
-    /// As [`render`](super::render::render), for scenes and limits that it refuses.
+    /// As [`render`](super::render), for scenes and limits that it refuses.
     pub fn new(scene: &Scene, settings: &Settings, limits: &Limits, choice: Option<&Choice>) -> Result<Forecast> {
         let plan = Plan::new(scene, settings, &Camera::new(&scene.camera, &settings.film), limits)?;
         let samples = sample::Samples::take(scene, &plan)?;

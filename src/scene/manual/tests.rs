@@ -53,7 +53,8 @@ fn the_manual_has_the_keys_that_the_reader_knows() {
         let (_, listed) = error.split_once("(keys here: ").unwrap_or_else(|| panic!("{what}: {error}"));
         let mut known: Vec<&str> = listed.split(')').next().unwrap().split(", ").collect();
         let mut told: Vec<&str> = keys(section).iter().map(|key| key.name).collect();
-        (known.sort_unstable(), told.sort_unstable());
+        known.sort_unstable();
+        told.sort_unstable();
         known.dedup();
         assert_eq!(told, known, "{what}");
     }
