@@ -19,7 +19,7 @@ pub fn run(asked: &str) -> Result<()> {
         Found::Nothing(nearest) => {
             let nearest = nearest.map_or_else(String::new, |nearest| format!("; did you mean `{nearest}`?"));
             return Err(Error::Usage(format!(
-                "{asked:?} is neither a command nor a key of scene files{nearest}; `volpm help` lists the commands, `volpm help volume` the keys of a table"
+                "{asked:?} is neither a command nor a key of scene files{nearest} (`volpm help` lists the commands, `volpm help volume` the keys of a table)"
             )));
         }
     })

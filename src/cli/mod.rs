@@ -35,7 +35,7 @@ use crate::{Error, Result};
     name = "volpm",
     version,
     max_term_width = 100,
-    after_help = "`volpm help KEY` is the manual of a key of scene files, such as volume.neighbours, or of a table, such as volume."
+    after_help = "`volpm help KEY` is the manual of a key of scene files, such as volume.neighbours, or of a table, such as volume; of render and compare, which are commands, render.* and compare.*."
 )]
 struct Arguments {
     #[command(subcommand)]

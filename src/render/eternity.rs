@@ -9,8 +9,11 @@ use crate::medium::Medium;
 use crate::medium::density::Density;
 use crate::photon::Sources;
 use crate::scene::Scene;
+use crate::scene::description::Method;
 use crate::surface::Side;
-use crate::transport::{Heading, Luggage, Part, Parts, Segment, Tally, Traveller, Vertex, Walk, fly, survive, travel};
+use crate::transport::{
+    Events, Heading, Luggage, Part, Parts, Segment, Tally, Traveller, Vertex, Walk, fly, survive, travel,
+};
 use crate::{Error, Result};
 
 /// Walks from the camera, and as many from what shines.
@@ -28,6 +31,16 @@ const VERY_LONG: u64 = 100_000;
 const THIN: f64 = 4.0;
 /// A share that is lost to rounding in a long walk.
 const ROUNDING: f64 = 1e-9;
+
+/// Why nobody need look whether light comes to an end; `None` where someone must.
+pub(super) fn why_no_pilot(method: Method, max_events: Events) -> Option<&'static str> {
+    match method {
+        Method::Whitted => Some("Whitted's rays end at the first surface that spreads light"),
+        Method::Photon | Method::Path | Method::Light => {
+            max_events.is_limited().then_some("render.max_depth limits events")
+        }
+    }
+}
 
 /// How a walk of a pilot went.
 pub(super) enum Wandered {

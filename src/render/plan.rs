@@ -18,6 +18,7 @@ use crate::scene::{Inside, Scene, Settings};
 use crate::transport::Events;
 
 use super::camera::Camera;
+use super::eternity;
 use super::importons;
 use super::limits::Limits;
 use super::numbers::{
@@ -165,7 +166,7 @@ impl Plan {
         // How long walks are, and whether they end.
         let max_events = Events::of_max_depth(render.max_depth);
         let pilot = Pilot { scene, camera, seed: render.seed };
-        if !max_events.is_limited() && render.method != Method::Whitted {
+        if eternity::why_no_pilot(render.method, max_events).is_none() {
             pilot.refuse_eternity()?;
         }
 

@@ -9,6 +9,7 @@ use crate::geometry::Shape;
 use crate::math::Rgb;
 use crate::photon::{Ball, Radius};
 use crate::render::choice::Choice;
+use crate::render::eternity;
 use crate::render::eye::Component;
 use crate::render::irradiance::most_records;
 use crate::render::limits::Limits;
@@ -103,10 +104,7 @@ pub(super) fn of(
 fn pilots(items: &mut Items, plan: &Plan, choice: Option<&Choice>) {
     let why_not = "the scene names a method, or says how photons are to be used";
     items.add("method_choice", whether(choice.is_some(), "the scene leaves the method to the plan", why_not));
-    let why_not = match plan.method {
-        Method::Whitted => Some("Whitted's rays end at the first surface that spreads light"),
-        _ => plan.max_events.is_limited().then_some("render.max_depth limits events"),
-    };
+    let why_not = eternity::why_no_pilot(plan.method, plan.max_events);
     items.add("eternity_pilot", unless(why_not, "some walks tell whether light comes to an end"));
     let why_not =
         plan.importons.is_none().then(|| why_no_photons(plan.method).unwrap_or("photons.importance is false"));
@@ -241,7 +239,7 @@ fn on_surfaces(items: &mut Items, (scene, settings): (&Scene, &Settings), plan: 
     let (why, most) = match &plan.cache {
         Some(cache) => {
             let why = format!("as many records as it takes, this many at most, of {} gather rays each", cache.rays());
-            (why, most_records(settings.film.size(), plan.samples, cache))
+            (why, most_records((settings.film.width, settings.film.height), plan.samples, cache))
         }
         None => (String::new(), 0),
     };
@@ -252,11 +250,12 @@ fn on_surfaces(items: &mut Items, (scene, settings): (&Scene, &Settings), plan: 
 }
 
 fn rays(items: &mut Items, (scene, settings): (&Scene, &Settings), plan: &Plan) {
-    let (width, height) = settings.film.size();
-    let paths = u64::from(width) * u64::from(height) * u64::from(plan.samples);
-    items.add("camera_paths", Ok(format!("{} a pixel", plan.samples))).of(paths);
+    let paths = |(width, height): (u32, u32)| u64::from(width) * u64::from(height) * u64::from(plan.samples);
+    items.add("camera_paths", Ok(format!("{} a pixel", plan.samples))).of(paths(settings.film.size()));
+    // A window gets its light from paths all over the film.
+    let all = paths((settings.film.width, settings.film.height));
     let why_not = (plan.method != Method::Light).then_some("the method is another");
-    items.add("light_paths", unless(why_not, "as many as camera paths")).of(paths);
+    items.add("light_paths", unless(why_not, format!("{} for each pixel of the film", plan.samples))).of(all);
     let gathers = plan.indirect == Indirect::FinalGather;
     let why_not = why_no_photons(plan.method).or((!gathers).then_some("surface.indirect says so"));
     let spreads = (!plan.spreads).then_some("no surface spreads light");

@@ -103,7 +103,7 @@ pub(super) const SECTIONS: &[Section] = &[
         path: "materials.*.layer",
         kind: "",
         about: "the lower layer of a schlick surface",
-        example: "materials.NAME = { type = \"schlick\", f0 = 0.05, layer = { f0 = 0.6, roughness = 1 } }",
+        example: "materials.NAME = { type = \"schlick\", layer = { f0 = 0.6 } }",
         keys: &[F0, Key::new("roughness", SHARE, Is("0.1"), "as of the upper one"), ISOTROPY],
     },
     Section {

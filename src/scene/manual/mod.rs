@@ -112,18 +112,21 @@ impl Section {
     }
 }
 
-/// Looks up a key (`volume.neighbours`, `media.fog.phase.g`, `media.*.phase.g`), a table (`volume`), or keys by the end of their
-/// path (`neighbours`).
+/// Looks up a key (`volume.neighbours`, `media.fog.phase.g`, `media.*.phase.g`), a table (`volume`), all keys of one (`render.*`), or keys
+/// by the end of their path (`neighbours`).
 pub fn find(asked: &str) -> Found {
     let parts: Vec<&str> = asked.split('.').collect();
+    let tables = sections().filter(|section| !section.path.is_empty());
+    let (named, like): (Vec<_>, Vec<_>) =
+        tables.filter(|section| is_path(section.path, &parts)).partition(|section| section.path == asked);
     let keys: Vec<_> = all_keys().filter(|(section, key)| is_path(&section.path_of(key), &parts)).collect();
-    let tables: Vec<_> =
-        sections().filter(|section| !section.path.is_empty() && is_path(section.path, &parts)).collect();
-    if !tables.is_empty() {
-        return Found::Sections(tables);
-    }
-    if !keys.is_empty() {
-        return Found::Keys(keys);
+    // Of a path that ends in a star, and is none of a table, the keys are meant.
+    let means_keys = parts.ends_with(&["*"]) && !keys.is_empty();
+    match (named.is_empty(), like.is_empty() || means_keys, keys.is_empty()) {
+        (false, ..) => return Found::Sections(named),
+        (true, false, _) => return Found::Sections(like),
+        (true, true, false) => return Found::Keys(keys),
+        (true, true, true) => {}
     }
     let ends = |path: String| {
         let whole: Vec<&str> = path.split('.').collect();
@@ -147,7 +150,7 @@ fn is_way(parts: &[&str], asked: &[&str]) -> bool {
     match (parts, asked) {
         ([], []) => true,
         (["*", rest @ ..], _) => asked.split_first().is_some_and(|(_, on)| is_way(rest, on)) || is_way(rest, asked),
-        ([part, rest @ ..], [first, on @ ..]) => part == first && is_way(rest, on),
+        ([part, rest @ ..], [first, on @ ..]) => (part == first || *first == "*") && is_way(rest, on),
         _ => false,
     }
 }
