@@ -95,7 +95,7 @@ pub(super) fn of(
     photons(&mut items, (scene, settings), plan, samples);
     in_media(&mut items, (scene, settings), plan, samples);
     on_surfaces(&mut items, (scene, settings), plan, samples);
-    rays(&mut items, (scene, settings), plan);
+    rays(&mut items, (scene, settings), plan, samples);
     of_scene(&mut items, scene, plan);
     film(&mut items, settings, limits, plan);
     items.0
@@ -249,19 +249,24 @@ fn on_surfaces(items: &mut Items, (scene, settings): (&Scene, &Settings), plan: 
     item.takes(shadow.map(|found| found.bytes));
 }
 
-fn rays(items: &mut Items, (scene, settings): (&Scene, &Settings), plan: &Plan) {
+fn rays(items: &mut Items, (scene, settings): (&Scene, &Settings), plan: &Plan, samples: Option<&Samples>) {
     let paths = |(width, height): (u32, u32)| u64::from(width) * u64::from(height) * u64::from(plan.samples);
     items.add("camera_paths", Ok(format!("{} a pixel", plan.samples))).of(paths(settings.film.size()));
     // A window gets its light from paths all over the film.
     let all = paths((settings.film.width, settings.film.height));
     let why_not = (plan.method != Method::Light).then_some("the method is another");
     items.add("light_paths", unless(why_not, format!("{} for each pixel of the film", plan.samples))).of(all);
+    // Where there is no global map, paths go on, unless media send light to surfaces.
     let gathers = plan.indirect == Indirect::FinalGather;
-    let why_not = why_no_photons(plan.method).or((!gathers).then_some("surface.indirect says so"));
-    let spreads = (!plan.spreads).then_some("no surface spreads light");
+    let global = samples.and_then(|samples| samples.global.as_ref());
+    let no_map = global.filter(|found| !found.from_media_only).and_then(|found| found.why_none);
+    let why_not = why_no_photons(plan.method)
+        .or((!gathers).then_some("surface.indirect is another"))
+        .or_else(|| why_no_global_photons(scene, settings))
+        .or(no_map);
     let why =
         format!("{} from the first surface of a path that spreads light, where no record tells", plan.gather_rays);
-    items.add("gather_rays", unless(why_not.or(spreads), why));
+    items.add("gather_rays", unless(why_not, why));
     let why_not = match plan.method {
         Method::Path => (!plan.split).then_some("collisions are not rare, or there are none"),
         _ => Some("the method is another"),

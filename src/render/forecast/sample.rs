@@ -34,6 +34,8 @@ pub(super) struct Expected {
     pub aimed: bool,
     /// Whether their first collisions are forced.
     pub forced: bool,
+    /// Whether there are none though media send light to surfaces, which is gathered.
+    pub from_media_only: bool,
     /// Why there are none, if a pilot found that.
     pub why_none: Option<&'static str>,
     /// Bytes of the map,
@@ -124,13 +126,14 @@ fn of_media(scene: &Scene, plan: &Plan) -> Result<Expected> {
 
 fn of_surfaces(scene: &Scene, plan: &Plan, kind: Kind) -> Result<Expected> {
     let landed = sample_surfaces(scene, &surface_order(plan, kind, 0), ENOUGH)?;
-    let Landed { emitted, planned, events, aimed, why_none, .. } = landed;
+    let Landed { emitted, planned, events, aimed, from_media_only, why_none, .. } = landed;
     let scaled = |part: usize| all(part as u64, emitted, planned);
     let mut expected = Expected {
         stored: scaled(landed.photons.len()),
         emitted: planned,
         events: (planned as f64 * events) as u64,
         aimed,
+        from_media_only,
         why_none,
         ..Expected::default()
     };
