@@ -208,6 +208,16 @@ impl Light {
         }
     }
 
+    /// Whether it lights a cone or a round beam alone.
+    pub fn is_beam(&self) -> bool {
+        match self {
+            Light::Spot(_) => true,
+            Light::Area(light) => !matches!(light.profile, Directivity::Diffuse(_)),
+            Light::Directional(light) => light.beam.is_some(),
+            Light::Point(_) | Light::Goniometric(_) | Light::Environment(_) => false,
+        }
+    }
+
     /// Multiplies what a light at infinity sends, channel by channel.
     pub fn dim(&mut self, factor: Rgb) {
         match self {
