@@ -227,7 +227,8 @@ pub fn run(request: &Request, range: &Range, folder: &Path, watch: &dyn Watch, s
             variant.points.push(match point(&one, value, &place, watch, stop) {
                 Ok(point) => point,
                 Err(error @ (Error::Scene(_) | Error::Limit(_) | Error::Asset { .. })) => {
-                    let notes = vec![error.to_string()];
+                    // Without the line of the scene file that is shown below.
+                    let notes = error.to_string().lines().next().map(str::to_string).into_iter().collect();
                     refused.get_or_insert(error);
                     Point { value, found: None, notes }
                 }
