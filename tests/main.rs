@@ -2,6 +2,10 @@
 
 mod support;
 
+/// Chandrasekhar's H functions, by which `docs/certified.md` is made, too.
+#[path = "../examples/certified/half_space.rs"]
+mod half_space;
+
 mod beam_against_path;
 mod cameras;
 #[cfg(feature = "cli")]

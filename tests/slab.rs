@@ -1,5 +1,5 @@
 //! Reflectance R and transmittance T of wide slabs, by paths, by photons that leave and by photons gathered, against
-//! numbers from elsewhere: a table made by adding–doubling, and the solver below, which shares nothing with the renderer.
+//! numbers from elsewhere: a table made by adding–doubling, and a solver, which shares nothing with the renderer.
 //!
 //! R and T of a beam at normal incidence are, by reciprocity, what a camera sees that looks straight at the slab
 //! under light of radiance 1 from all sides of one half space: above it for R, below it for T.
@@ -14,7 +14,12 @@ use volpm::scene::{Inside, Scene};
 use volpm::surface::Side;
 use volpm::transport::{Heading, Luggage, Part, Parts, Segment, Tally, Traveller, Vertex, Walk, fly, survive, travel};
 
+use crate::half_space::H;
 use crate::support::{Checks, Effort, Estimate, STRICT, allowed, chosen, data, scene};
+
+/// Adding–doubling, by which `docs/certified.md` is made, too.
+#[path = "../examples/certified/adding.rs"]
+mod solver;
 
 /// A slab in vacuum.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,184 +51,6 @@ fn table() -> Vec<(Slab, [f64; 2])> {
     text.lines().skip(1).map(row).collect()
 }
 
-/// Azimuthally averaged adding–doubling, on Gauss nodes of (0, 1) and the normal, which has no weight (van de Hulst
-/// 1980, ch. 4); boundaries are two more layers (Prahl, van Gemert and Welch 1993).
-pub mod solver {
-    use super::PI;
-
-    /// Nodes of each half of the cosines: those of light that may leave, and those of light that is totally reflected.
-    const HALF: usize = 40;
-    const N: usize = 2 * HALF;
-    const SIZE: usize = N + 1;
-    type Matrix = Vec<[f64; SIZE]>;
-
-    /// R and T of a slab of index `n` in vacuum, for a phase function `p(cos θ)` per steradian.
-    pub fn slab(n: f64, tau: f64, albedo: f64, p: impl Fn(f64) -> f64) -> (f64, f64) {
-        // Without a critical angle, any point will do.
-        let middle = if n > 1.0 { (1.0 - 1.0 / (n * n)).sqrt() } else { 0.5 };
-        let (nodes, weights) = gauss(HALF);
-        let (mut node, mut weight) = (Vec::new(), Vec::new());
-        for (from, to) in [(0.0, middle), (middle, 1.0)] {
-            node.extend(nodes.iter().map(|x| from + (to - from) * 0.5 * (x + 1.0)));
-            weight.extend(weights.iter().map(|w| 0.5 * (to - from) * w));
-        }
-        node.push(1.0);
-        weight.push(0.0);
-
-        // Both signs of the cosine through the Legendre moments that the nodes integrate exactly.
-        let moments = moments(N, p);
-        let polynomials: Vec<Vec<f64>> = node.iter().map(|&x| legendre(N, x)).collect();
-        let averaged = |i: usize, j: usize, sign: f64| -> f64 {
-            (0..N)
-                .map(|l| {
-                    let parity = if l % 2 == 1 { sign } else { 1.0 };
-                    (2 * l + 1) as f64 * moments[l] * polynomials[i][l] * polynomials[j][l] * parity
-                })
-                .sum()
-        };
-
-        // A layer so thin that light scatters in it at most once, then doubled.
-        const DOUBLINGS: i32 = 28;
-        let thin = tau / 2f64.powi(DOUBLINGS);
-        // What is lost is kept, not what passes: doubling 1 − δ would lose digits.
-        let mut lost: Vec<f64> = node.iter().map(|mu| -(-thin / mu).exp_m1()).collect();
-        let layer = |sign: f64| -> Matrix {
-            let entry = |i: usize, j: usize| lost[i] * 0.5 * albedo * averaged(i, j, sign) * weight[j];
-            (0..SIZE).map(|i| std::array::from_fn(|j| entry(i, j))).collect()
-        };
-        let mut r = layer(-1.0);
-        let mut t = layer(1.0);
-        for _ in 0..DOUBLINGS {
-            let full: Matrix = (0..SIZE)
-                .map(|i| std::array::from_fn(|j| t[i][j] + if i == j { 1.0 - lost[i] } else { 0.0 }))
-                .collect();
-            let bounces = inverse(&minus_from_one(&product(&r, &r)));
-            let there = product(&full, &bounces);
-            let back = product(&product(&there, &r), &full);
-            // full·bounces·full − direct², written without the direct part.
-            let twice = product(&there, &full);
-            for i in 0..SIZE {
-                let direct = (1.0 - lost[i]) * (1.0 - lost[i]);
-                for j in 0..SIZE {
-                    r[i][j] += back[i][j];
-                    t[i][j] = twice[i][j] - if i == j { direct } else { 0.0 };
-                }
-                lost[i] = 1.0 - direct;
-            }
-        }
-        if n == 1.0 {
-            let out = |matrix: &Matrix| matrix[N].iter().sum::<f64>();
-            return (out(&r), out(&t) + (-tau).exp());
-        }
-
-        // Inside: down at the top is d = v + u B, at the bottom e = d T + f R with f = e B, and up at the top
-        // u = d R + f T, B the boundary's reflectance from inside, v what enters.
-        let boundary: Vec<f64> = node.iter().map(|&mu| reflectance(mu, n)).collect();
-        let reflected =
-            |a: &Matrix| -> Matrix { a.iter().map(|row| std::array::from_fn(|j| row[j] * boundary[j])).collect() };
-        let scaled =
-            |a: &Matrix| -> Matrix { (0..SIZE).map(|i| std::array::from_fn(|j| boundary[i] * a[i][j])).collect() };
-        let full: Matrix =
-            (0..SIZE).map(|i| std::array::from_fn(|j| t[i][j] + if i == j { 1.0 - lost[i] } else { 0.0 })).collect();
-        let below = product(&full, &inverse(&minus_from_one(&scaled(&r))));
-        let mut above = product(&below, &scaled(&full));
-        for i in 0..SIZE {
-            for j in 0..SIZE {
-                above[i][j] += r[i][j];
-            }
-        }
-        let entering = 1.0 - boundary[N];
-        let down: [f64; SIZE] = inverse(&minus_from_one(&reflected(&above)))[N].map(|x| x * entering);
-        let leaving = |a: &Matrix| -> f64 {
-            (0..SIZE).map(|j| (1.0 - boundary[j]) * (0..SIZE).map(|i| down[i] * a[i][j]).sum::<f64>()).sum()
-        };
-        (boundary[N] + leaving(&above), leaving(&below))
-    }
-
-    /// Fresnel's reflectance from inside of index `n`, for light with this cosine to the normal.
-    fn reflectance(mu: f64, n: f64) -> f64 {
-        let sin2 = n * n * (1.0 - mu * mu);
-        if sin2 >= 1.0 {
-            return 1.0;
-        }
-        let nu = (1.0 - sin2).sqrt();
-        let (s, p) = ((n * mu - nu) / (n * mu + nu), (mu - n * nu) / (mu + n * nu));
-        0.5 * (s * s + p * p)
-    }
-
-    /// ½∫ 4π p(x) P_l(x) dx for l below `count`.
-    fn moments(count: usize, p: impl Fn(f64) -> f64) -> Vec<f64> {
-        let (node, weight) = gauss(400);
-        let mut moments = vec![0.0; count];
-        for (x, w) in node.iter().zip(&weight) {
-            let value = 2.0 * PI * p(*x) * w;
-            for (moment, polynomial) in moments.iter_mut().zip(legendre(count, *x)) {
-                *moment += value * polynomial;
-            }
-        }
-        moments
-    }
-
-    fn legendre(count: usize, x: f64) -> Vec<f64> {
-        let mut p = vec![1.0, x];
-        for l in 2..count {
-            p.push(((2 * l - 1) as f64 * x * p[l - 1] - (l - 1) as f64 * p[l - 2]) / l as f64);
-        }
-        p
-    }
-
-    /// Gauss–Legendre nodes and weights on (−1, 1), by Newton's method.
-    fn gauss(n: usize) -> (Vec<f64>, Vec<f64>) {
-        let pair = |i: usize| {
-            let mut x = (PI * (i as f64 + 0.75) / (n as f64 + 0.5)).cos();
-            let mut slope = 0.0;
-            // Each step doubles the digits, of which the guess has three.
-            for _ in 0..8 {
-                let p = legendre(n + 1, x);
-                slope = n as f64 * (x * p[n] - p[n - 1]) / (x * x - 1.0);
-                x -= p[n] / slope;
-            }
-            (x, 2.0 / ((1.0 - x * x) * slope * slope))
-        };
-        (0..n).map(pair).unzip()
-    }
-
-    /// Row by row, as they lie in memory.
-    fn product(a: &Matrix, b: &Matrix) -> Matrix {
-        let row = |a: &[f64; SIZE]| {
-            let mut sum = [0.0; SIZE];
-            for (a, b) in a.iter().zip(b) {
-                sum.iter_mut().zip(b).for_each(|(sum, b)| *sum += a * b);
-            }
-            sum
-        };
-        a.iter().map(row).collect()
-    }
-
-    fn minus_from_one(a: &Matrix) -> Matrix {
-        (0..SIZE).map(|i| std::array::from_fn(|j| if i == j { 1.0 - a[i][j] } else { -a[i][j] })).collect()
-    }
-
-    /// Gauss–Jordan elimination; the matrices here are close to 1 and need no pivots.
-    fn inverse(a: &Matrix) -> Matrix {
-        let mut a = a.clone();
-        let mut b: Matrix = (0..SIZE).map(|i| std::array::from_fn(|j| if i == j { 1.0 } else { 0.0 })).collect();
-        for k in 0..SIZE {
-            let scale = 1.0 / a[k][k];
-            a[k] = a[k].map(|x| x * scale);
-            b[k] = b[k].map(|x| x * scale);
-            let (ak, bk) = (a[k], b[k]);
-            for i in (0..SIZE).filter(|&i| i != k) {
-                let factor = a[i][k];
-                // Columns of a up to k are not read again, and those of b beyond it are still 0 in row k.
-                a[i][k + 1..].iter_mut().zip(&ak[k + 1..]).for_each(|(a, x)| *a -= factor * x);
-                b[i][..=k].iter_mut().zip(&bk[..=k]).for_each(|(b, x)| *b -= factor * x);
-            }
-        }
-        b
-    }
-}
-
 #[test]
 fn the_solver_agrees_with_the_table() {
     let mut checks = Checks::default();
@@ -238,18 +65,47 @@ fn the_solver_agrees_with_the_table() {
     checks.finish();
 }
 
+/// At angles: thick slabs are half spaces, which H functions know, one without losses on a white ground sends all back, and there and back is the same.
+#[test]
+fn the_solver_agrees_with_half_spaces_and_is_reciprocal() {
+    let mut checks = Checks::default();
+    let cosines = [1.0, 0.5, 0.2];
+    let isotropic = solver::moments(|_| 1.0 / (4.0 * PI));
+    let slab = |tau, albedo, ground| {
+        solver::solve(&solver::Slab { index: 1.0, tau, albedo, moments: &isotropic, ground }, cosines)
+    };
+    let mut close = |what: &str, x: f64, y: f64| checks.holds(format!("{what}: {x} {y}"), (x / y - 1.0).abs() < 2e-5);
+    let (albedo, deep, thin, white) = (0.9, slab(60.0, 0.9, 0.0), slab(1.0, 0.9, 0.0), slab(3.0, 1.0, 1.0));
+    let h = H::new(albedo);
+    for (i, from) in cosines.into_iter().enumerate() {
+        close("reflected", deep.reflected[i], h.reflected(from));
+        close("by white ground", white.reflected[i], 1.0);
+        for (j, to) in cosines.into_iter().enumerate() {
+            let exact = albedo * from * h.at(from) * h.at(to) / (4.0 * PI * (from + to));
+            close("radiance", deep.up[i][j], exact);
+            if i != j {
+                close("back through a thin slab", thin.down[i][j] / from, thin.down[j][i] / to);
+            }
+        }
+    }
+    checks.finish();
+}
+
 impl Slab {
     /// R and T of a beam at normal incidence, by the solver.
     pub fn exact(&self) -> [f64; 2] {
         let (g, schlick) = (self.g, self.phase == "schlick");
-        let phase = |x: f64| {
+        let moments = solver::moments(|x: f64| {
             if schlick {
                 (1.0 - g * g) / (4.0 * PI * (1.0 - g * x).powi(2))
             } else {
                 (1.0 - g * g) / (4.0 * PI * (1.0 + g * g - 2.0 * g * x).powf(1.5))
             }
-        };
-        solver::slab(self.index, self.tau, self.albedo, phase).into()
+        });
+        let slab =
+            solver::Slab { index: self.index, tau: self.tau, albedo: self.albedo, moments: &moments, ground: 0.0 };
+        let solution = solver::solve(&slab, [1.0; solver::DIRECTIONS]);
+        [solution.reflected[0], solution.transmitted[0]]
     }
 
     fn materials(&self) -> String {
