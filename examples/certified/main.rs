@@ -416,7 +416,7 @@ fn few_photons(_: &Witnesses) -> Outcome<String> {
         let _ = write!(text, " {name} |");
     }
     let _ = writeln!(text, "\n|{}", "---|".repeat(columns.len() + 2));
-    for (photons, seeds) in [(1000, 80), (3000, 40), (10_000, 20), (30_000, 8)] {
+    for (photons, seeds) in [(10_000, 24), (30_000, 12), (100_000, 6)] {
         let _ = write!(text, "| {photons} | {seeds} |");
         for (name, scene, exact, peaks) in &columns {
             let start = cpu_seconds();
