@@ -34,7 +34,7 @@ type Outcome<T> = Result<T, Box<dyn Error>>;
 const COSINES: [f64; 3] = [1.0, 0.5, 0.2];
 
 /// What a number is worth unless it says otherwise: about a second.
-const EFFORT: Effort = Effort { seeds: 8, samples: 200, light: 80, photons: 20_000, rays: 2 };
+const EFFORT: Effort = Effort { seeds: 8, samples: 200, light: 80, photons: 20_000, rays: 2, peaks: "auto" };
 
 fn main() -> Outcome<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -163,7 +163,7 @@ fn row(
     let mut row = Row { name, exact, second, found: Vec::new() };
     for &method in methods {
         let start = cpu_seconds();
-        let found = of(measure(&scene(method), method, effort, &[])?);
+        let found = of(measure(&scene(method), method, effort)?);
         let (share, error) = (100.0 * (found.mean / exact - 1.0), 100.0 * found.error / exact);
         eprintln!("{}, {}: {share:+.2} ± {error:.2} %, {:.1} s", row.name, method.name(), cpu_seconds() - start);
         row.found.push((method, found));
@@ -342,7 +342,9 @@ fn clouds(witnesses: &Witnesses) -> Outcome<String> {
                     let second =
                         if kind.starts_with("hg") { witnesses.number(&["cloud", &key, quantity.key]) } else { None };
                     let name = format!("{kind}, τ {tau}, ground {ground}: {}", quantity.name);
-                    rows.push(of_slab(&slab, *quantity, quantity.exact(&solution), second, name, scaled(share))?);
+                    // As it would be by itself without the mirrors, which stand for width.
+                    let effort = Effort { peaks: "paths", ..scaled(share) };
+                    rows.push(of_slab(&slab, *quantity, quantity.exact(&solution), second, name, effort)?);
                 }
             }
         }
@@ -404,7 +406,7 @@ fn few_photons(_: &Witnesses) -> Outcome<String> {
     let slab = Slab::hg(1.0, 10.0, 0.99, 0.8);
     let exact = R0.exact(&solved(&slab, &henyey_greenstein(0.8)));
     let room = scenes::room("{ type = \"mie\", diameter = 12 }");
-    let path = measure(&room, Method::Path, Effort { seeds: 32, samples: 100, ..EFFORT }, &[])?;
+    let path = measure(&room, Method::Path, Effort { seeds: 32, samples: 100, ..EFFORT })?;
     let columns = [
         ("slab", slab.column(R0.view), exact, "photons"),
         ("slab, `peaks = \"paths\"`", slab.column(R0.view), exact, "paths"),
@@ -420,8 +422,7 @@ fn few_photons(_: &Witnesses) -> Outcome<String> {
         let _ = write!(text, "| {photons} | {seeds} |");
         for (name, scene, exact, peaks) in &columns {
             let start = cpu_seconds();
-            let effort = Effort { seeds, photons, ..EFFORT };
-            let found = measure(scene, Method::Beams, effort, &[format!("volume.peaks={peaks}")])?;
+            let found = measure(scene, Method::Beams, Effort { seeds, photons, peaks, ..EFFORT })?;
             let cell = format!("{:+.2} ± {:.2} %", 100.0 * (found.mean / exact - 1.0), 100.0 * found.error / exact);
             eprintln!("{photons}, {name}: {cell}, {:.1} s", cpu_seconds() - start);
             let _ = write!(text, " {cell} |");

@@ -57,6 +57,8 @@ pub struct Effort {
     pub photons: u32,
     /// Of rays that gather, for each pixel.
     pub rays: u32,
+    /// Who finds light in the peaks of phase functions (`volume.peaks`).
+    pub peaks: &'static str,
 }
 
 /// A mean over seeds, and its standard error.
@@ -86,14 +88,17 @@ impl Found {
 }
 
 /// The mean over a scene's film.
-pub fn measure(text: &str, method: Method, effort: Effort, set: &[String]) -> Result<Found> {
+pub fn measure(text: &str, method: Method, effort: Effort) -> Result<Found> {
     let mut common: Vec<String> = method.settings().iter().map(|text| text.to_string()).collect();
     match method {
         Method::Path => common.push(format!("render.samples={}", effort.samples)),
         Method::Light => common.push(format!("render.samples={}", effort.light)),
-        _ => common.extend([format!("render.samples={}", effort.rays), format!("photons.volume={}", effort.photons)]),
+        _ => common.extend([
+            format!("render.samples={}", effort.rays),
+            format!("photons.volume={}", effort.photons),
+            format!("volume.peaks={}", effort.peaks),
+        ]),
     }
-    common.extend_from_slice(set);
     let one = |seed: u32| -> Result<(f64, bool)> {
         let mut overrides = common.clone();
         overrides.push(format!("render.seed={seed}"));
