@@ -13,7 +13,7 @@ use super::progress::Bar;
 #[cfg(feature = "tev")]
 use super::tev::Viewer;
 use super::values;
-use super::watch::Watch;
+use super::watch::{Kept, Watch};
 use crate::check::Names;
 use crate::compare::peak_bytes;
 use crate::image::{self, Format};
@@ -43,10 +43,13 @@ pub struct Arguments {
     #[arg(long, value_name = "SHARE", value_parser = values::share)]
     target_error: Option<f64>,
     /// Keeps finished passes in this file, for --resume and `volpm merge`: now and then, on Ctrl-C, and in the end.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", group = "kept")]
     checkpoint: Option<PathBuf>,
-    /// How long it takes until --checkpoint is written again: 90s, 10m. Writing never takes more than a twentieth of the time.
-    #[arg(long, value_name = "TIME", default_value = "30s", value_parser = values::time, requires = "checkpoint")]
+    /// Makes those passes that this checkpoint does not hold yet, and no image: for tasks that may be stopped or run twice.
+    #[arg(long, value_name = "FILE", group = "kept", conflicts_with_all = ["out", "resume", "time", "target_error"])]
+    fill: Option<PathBuf>,
+    /// How long it takes until --checkpoint or --fill is written again: 90s, 10m. Writing never takes more than a twentieth of the time.
+    #[arg(long, value_name = "TIME", default_value = "30s", value_parser = values::time, requires = "kept")]
     checkpoint_every: Duration,
     /// Goes on from a checkpoint of the same scene: passes that it holds are not repeated.
     #[arg(long, value_name = "FILE")]
@@ -78,10 +81,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         Format::of(output)?;
         image::check_target(output)?;
     }
-    for path in [&arguments.stats, &arguments.checkpoint, &arguments.preview].into_iter().flatten() {
+    let kept = arguments.checkpoint.as_ref().or(arguments.fill.as_ref());
+    for path in [arguments.stats.as_ref(), kept, arguments.preview.as_ref()].into_iter().flatten() {
         image::check_target(path)?;
     }
-    let before = arguments.resume.as_ref().map(|path| Ok((path, Checkpoint::read(path)?))).transpose()?;
+    let resumed = arguments.resume.as_ref().or(arguments.fill.as_ref().filter(|path| path.exists()));
+    let before = resumed.map(|path| Ok((path, Checkpoint::read(path)?))).transpose()?;
     let stop = super::stop_on_signal()?;
     let pool = super::pool(arguments.planned.threads)?;
     let Loaded { description, scene, settings, choice } = pool.install(|| arguments.planned.load())?;
@@ -99,7 +104,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         watch.preview(path.clone());
     }
     let mut start_from = None;
-    if before.is_some() || arguments.checkpoint.is_some() {
+    if before.is_some() || kept.is_some() {
         let subject =
             Subject::new(&description, limits.parts(&scene, &settings, render::volume_photons(&scene, &settings))?);
         if let Some((path, before)) = before {
@@ -113,13 +118,21 @@ pub fn run(arguments: &Arguments) -> Result<()> {
                     beyond.div_ceil(subject.parts)
                 )));
             }
+            let passes = limits.counted(&settings, subject.parts);
+            if arguments.fill.is_some() && film.done().missing(settings.render.seed, passes).next().is_none() {
+                if !arguments.quiet {
+                    super::tell(format_args!("{}: holds all these passes already", path.display()));
+                }
+                return Ok(());
+            }
             start_from = Some((film, stats));
         }
-        if let Some(path) = &arguments.checkpoint {
-            if arguments.resume.as_ref() != Some(path) {
+        if let Some(path) = kept {
+            if resumed != Some(path) {
                 check_replaceable(path, &subject)?;
             }
-            watch.checkpoint(path.clone(), subject, arguments.checkpoint_every);
+            let kept = Kept { path: path.clone(), subject, shared: arguments.fill.is_some() };
+            watch.checkpoint(kept, arguments.checkpoint_every);
         }
     }
     #[cfg(feature = "tev")]
@@ -134,7 +147,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         }
         render::refine_planned(&scene, &settings, plan, &limits, start_from, &watch, &stop)
     })?;
-    let kept = watch.finish(&rendering.film, &rendering.stats);
+    let finished = watch.finish(&rendering.film, &rendering.stats);
     let total = start.elapsed().as_secs_f64();
     let strict = arguments.planned.strict;
     if !arguments.quiet && !strict {
@@ -146,7 +159,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let report = Report::new(&description, &scene, &rendering, pool.current_num_threads(), load, total);
     let tone = tone(&description.film);
     // What cannot be written must not cost what can.
-    let mut written: Vec<Result<()>> = kept;
+    let mut written: Vec<Result<()>> = finished;
     // An image without a sample would only replace a better one.
     let seen = rendering.film.has_samples();
     if seen {
@@ -169,7 +182,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         }
     }
     if rendering.end == End::Interrupted {
-        if !arguments.quiet {
+        if !arguments.quiet && !outputs.is_empty() {
             let names: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
             let done = if seen { "as far as it came" } else { "not written: there is no sample yet" };
             super::tell(format_args!("{}: {done}", names.join(", ")));
@@ -184,7 +197,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         )));
     }
     if !arguments.quiet {
-        summarise(&report, &rendering.stats, &outputs);
+        summarise(&report, &rendering.stats, arguments.fill.as_ref().map_or(&outputs, std::slice::from_ref));
     }
     if strict && !rendering.warnings.is_empty() {
         return Err(Error::Failed(warned(&rendering.warnings)));
@@ -201,7 +214,7 @@ fn limits(arguments: &Arguments) -> Limits {
         time: arguments.time,
         target_error: arguments.target_error,
         memory: arguments.planned.memory,
-        resumable: arguments.checkpoint.is_some(),
+        resumable: arguments.checkpoint.is_some() || arguments.fill.is_some(),
         shown: None,
     }
 }
@@ -258,7 +271,7 @@ fn facts(description: &Description, film: &Film) -> Facts<'static> {
 }
 
 fn outputs(arguments: &Arguments) -> Result<Vec<PathBuf>> {
-    if !arguments.out.is_empty() {
+    if !arguments.out.is_empty() || arguments.fill.is_some() {
         return Ok(arguments.out.clone());
     }
     let scene = &arguments.planned.scene;

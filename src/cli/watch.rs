@@ -1,6 +1,6 @@
 //! What follows a render: the progress, and the files and viewers that show how far it came.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
@@ -10,7 +10,7 @@ use super::tev::Viewer;
 use crate::Result;
 use crate::image::{self, ToneSettings};
 use crate::render::checkpoint::{self, Subject};
-use crate::render::{Film, Progress, Stats};
+use crate::render::{Checkpoint, Film, Progress, Stats};
 
 /// Between two pictures.
 const PICTURES: Duration = Duration::from_secs(1);
@@ -51,9 +51,34 @@ pub struct Watch {
     outputs: Mutex<Outputs>,
 }
 
+/// A checkpoint that is kept up to date.
+pub struct Kept {
+    pub path: PathBuf,
+    pub subject: Subject,
+    /// Whether another program may fill the same file, which must not lose passes by that.
+    pub shared: bool,
+}
+
+impl Kept {
+    fn write(&self, film: &Film, stats: &Stats) -> Result<()> {
+        if self.shared && holds(&self.path, film) {
+            return Ok(());
+        }
+        checkpoint::write(&self.path, &self.subject, film, stats)
+    }
+}
+
+/// Whether there is a checkpoint at `path` with all finished passes of a film.
+fn holds(path: &Path, film: &Film) -> bool {
+    Checkpoint::read(path).is_ok_and(|there| {
+        let mut passes = film.done().ranges();
+        passes.all(|(seed, (first, last))| there.film.done().missing(seed, first..=last).next().is_none())
+    })
+}
+
 struct Outputs {
     tone: ToneSettings,
-    checkpoint: Option<Repeated<(PathBuf, Subject)>>,
+    checkpoint: Option<Repeated<Kept>>,
     preview: Option<Repeated<PathBuf>>,
     #[cfg(feature = "tev")]
     viewer: Option<Repeated<Viewer>>,
@@ -76,9 +101,9 @@ impl Watch {
         self.outputs.get_mut().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 
-    /// Writes checkpoints to `path`, so far apart at least.
-    pub fn checkpoint(&mut self, path: PathBuf, subject: Subject, apart: Duration) {
-        self.outputs().checkpoint = Some(Repeated::new((path, subject), apart));
+    /// Writes checkpoints, so far apart at least.
+    pub fn checkpoint(&mut self, kept: Kept, apart: Duration) {
+        self.outputs().checkpoint = Some(Repeated::new(kept, apart));
     }
 
     /// Writes pictures to `path`.
@@ -97,10 +122,10 @@ impl Watch {
         self.bar.finish();
         let outputs = self.outputs.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
         let mut written = Vec::new();
-        if let Some(Repeated { what: (path, subject), .. }) = outputs.checkpoint
+        if let Some(Repeated { what: kept, .. }) = outputs.checkpoint
             && film.done().count() > 0
         {
-            written.push(checkpoint::write(path, &subject, film, stats));
+            written.push(kept.write(film, stats));
         }
         if let Some(preview) = outputs.preview
             && film.has_samples()
@@ -135,7 +160,7 @@ impl Progress for Watch {
         if let Some(checkpoint) = checkpoint
             && film.done().count() > 0
         {
-            checkpoint.due(&self.bar, |(path, subject)| checkpoint::write(path, subject, film, stats));
+            checkpoint.due(&self.bar, |kept| kept.write(film, stats));
         }
         if let Some(preview) = preview {
             preview.due(&self.bar, |path| image::write(path, &film.image().into(), tone));
@@ -147,5 +172,40 @@ impl Progress for Watch {
             };
             viewer.due(&self.bar, show);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+    use crate::render::{Limits, Silent, refine};
+    use crate::scene;
+
+    #[test]
+    fn a_shared_checkpoint_loses_no_pass() {
+        let scene_file = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/ball.toml");
+        let overrides = ["film.width=4", "film.height=3", "render.samples=1", "render.method=path"].map(String::from);
+        let description = scene::read(&scene_file, &overrides).unwrap();
+        let (scene, settings) = scene::build(&description).unwrap();
+        let made = |last| {
+            let limits = Limits { passes: Some(1..=last), resumable: true, ..Limits::default() };
+            refine(&scene, &settings, &limits, None, &Silent, &false.into()).unwrap()
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("kept");
+        let kept = |shared| Kept { path: path.clone(), subject: Subject::new(&description, 1), shared };
+        let passes = || Checkpoint::read(&path).unwrap().film.done().count();
+        let (begun, done) = (made(1), made(2));
+        kept(true).write(&begun.film, &begun.stats).unwrap();
+        assert_eq!(passes(), 1);
+        kept(true).write(&done.film, &done.stats).unwrap();
+        let before = fs::read(&path).unwrap();
+        // A slower run of the same task comes later.
+        kept(true).write(&begun.film, &begun.stats).unwrap();
+        assert!(fs::read(&path).unwrap() == before);
+        kept(false).write(&begun.film, &begun.stats).unwrap();
+        assert_eq!(passes(), 1);
     }
 }

@@ -62,6 +62,13 @@ impl Limits {
         }
     }
 
+    /// The passes to make as a film counts them, where each is made in so many parts.
+    pub fn counted(&self, settings: &Settings, parts: u32) -> RangeInclusive<u32> {
+        let passes = self.passes(settings);
+        let first = passes.start().saturating_sub(1).saturating_mul(parts).saturating_add(1);
+        first..=passes.end().saturating_mul(parts).min(exact::MOST)
+    }
+
     /// Whether there is only one pass, and nothing it could be continued by but its repetition.
     fn single(&self, settings: &Settings) -> bool {
         self.passes.is_none() && self.passes(settings) == (1..=1)

@@ -6,7 +6,6 @@ use std::time::Instant;
 
 use super::camera::Camera;
 use super::clock::Clock;
-use super::exact;
 use super::eye::Mode;
 use super::film::Film;
 use super::limits::Limits;
@@ -123,7 +122,8 @@ pub(super) fn run(
         warnings.extend(warnings::endless_glow(scene, Method::Light));
     }
     let mut renderer = Renderer { scene, camera, plan, shared, progress, stop, clock, film, stats, warnings };
-    let end = renderer.run(limits.passes(settings), limits.target_error)?;
+    let passes = limits.counted(settings, renderer.plan.parts);
+    let end = renderer.run(passes, limits.target_error)?;
     let Renderer { film, stats, mut warnings, .. } = renderer;
     if let (Some(target), Some(error)) = (limits.target_error, stats.error)
         && error > target
@@ -160,15 +160,13 @@ pub(super) struct Renderer<'s, P> {
 impl<P: Progress> Renderer<'_, P> {
     /// Makes passes until there is a reason to end.
     fn run(&mut self, passes: RangeInclusive<u32>, target_error: Option<f64>) -> Result<End> {
-        let (seed, parts) = (self.plan.seed, self.plan.parts);
-        let first = passes.start().saturating_sub(1).saturating_mul(parts).saturating_add(1);
-        let last = passes.end().saturating_mul(parts).min(exact::MOST);
+        let seed = self.plan.seed;
         let precise = |stats: &Stats| {
             let error = stats.error.filter(|_| stats.passes >= TELLING);
             target_error.is_some_and(|target| error.is_some_and(|error| error <= target))
         };
         self.stats.error = self.film.error();
-        let missing = self.film.done().missing(seed, first..=last);
+        let missing = self.film.done().missing(seed, passes);
         for pass in missing {
             if precise(&self.stats) {
                 return Ok(End::Precise);
