@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 use volpm::image::{self, Attribute, LayerData, Picture};
 
-const SCENE: &str = r#"
+pub(crate) const SCENE: &str = r#"
 [film]
 width = 12
 height = 8
@@ -58,7 +58,7 @@ intensity = 50
 radius = 0.2
 "#;
 
-const FLOOR: &str = "v -5 -1 -5\nv -5 -1 5\nv 5 -1 5\nv 5 -1 -5\nf 1 2 3 4\n";
+pub(crate) const FLOOR: &str = "v -5 -1 -5\nv -5 -1 5\nv 5 -1 5\nv 5 -1 -5\nf 1 2 3 4\n";
 
 /// A folder with a scene in a folder of its own.
 fn workplace() -> tempfile::TempDir {

@@ -20,6 +20,8 @@ mod faults;
 mod figures;
 mod grids;
 mod indirect;
+#[cfg(feature = "cli")]
+mod job;
 mod kinds;
 mod light_tracing;
 mod many_lights;

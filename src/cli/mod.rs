@@ -4,6 +4,7 @@ mod check;
 mod compare;
 mod diff;
 mod info;
+mod job;
 mod manual;
 mod merge;
 mod new;
@@ -58,6 +59,8 @@ enum Command {
     New(new::Arguments),
     /// Which passes and structures a scene gets, and why not others.
     Plan(plan::Arguments),
+    /// Writes the passes of a scene as tasks for a render farm.
+    Job(job::Arguments),
     /// What is in a scene, .vdb, .obj, .npy, image or checkpoint file.
     Info(info::Arguments),
 }
@@ -86,6 +89,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Merge(arguments) => merge::run(&arguments),
         Command::New(arguments) => new::run(&arguments),
         Command::Plan(arguments) => plan::run(&arguments),
+        Command::Job(arguments) => job::run(&arguments),
         Command::Info(arguments) => info::run(&arguments),
     };
     status(done)

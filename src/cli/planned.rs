@@ -51,14 +51,20 @@ pub struct Loaded {
 }
 
 impl Planned {
+    /// What is set in the scene but for its passes, as `KEY=VALUE`.
+    pub fn overrides(&self) -> Vec<String> {
+        let mut overrides = self.set.clone();
+        overrides.extend(self.samples.map(|n| format!("render.samples={n}")));
+        overrides.extend(self.seed.map(|n| format!("render.seed={n}")));
+        overrides
+    }
+
     /// Reads and builds the scene, and chooses the method that its file leaves open, on the current thread pool.
     ///
     /// # Errors
     /// Those of reading and building; by `--strict` warnings of the scene, too.
     pub fn load(&self) -> Result<Loaded> {
-        let mut overrides = self.set.clone();
-        overrides.extend(self.samples.map(|n| format!("render.samples={n}")));
-        overrides.extend(self.seed.map(|n| format!("render.seed={n}")));
+        let mut overrides = self.overrides();
         overrides.extend(self.passes.map(|n| format!("render.passes={n}")));
         let mut description = scene::read(&self.scene, &overrides)?;
         let (scene, settings) = scene::build(&description)?;
