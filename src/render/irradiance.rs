@@ -52,9 +52,6 @@ const LAST_LOOKS: usize = 8;
 const BATCH: usize = 128;
 /// Records take no more gather rays than so many times those that there would be without a cache.
 const MOST_RAYS: u64 = 4;
-/// So many records of a round tell whether they cover more than the pixels that they were made for. Where most do not, as on relief, rays that go on from each
-/// sample take less time than records, and none is made any more.
-const ENOUGH: usize = 1024;
 /// A path that sees less than this of a surface asks for no record there,
 const FAINTEST: f64 = 0.02;
 /// nor one with more events than this before.
@@ -84,9 +81,6 @@ impl<'s> Filler<'_, 's> {
             if stride == 1 && all && wanted.is_empty() {
                 break;
             }
-            let (before, all_wanted) = (filled.cache.len(), wanted.len());
-            // Where a record covers no more pixels than one of this round, it may take more rays than these would.
-            let pays = u64::from(stride * stride * self.plan.samples) > self.settings.rays() as u64;
             wanted.sort_by_key(|&(x, y)| (mix(u64::from(y) << 32 | u64::from(x)), x, y));
             while !wanted.is_empty() && filled.cache.len() < most && !stop() {
                 let rest = wanted.split_off(wanted.len().min(BATCH).min(most - filled.cache.len()));
@@ -101,10 +95,6 @@ impl<'s> Filler<'_, 's> {
                 let cache = &filled.cache;
                 let is_wanted = |&(x, y): &(u32, u32)| self.find(x, y).is_some_and(|found| !found.is_covered(cache));
                 wanted = rest.into_par_iter().filter(is_wanted).collect();
-                let (made, settled) = (filled.cache.len() - before, all_wanted - wanted.len());
-                if !pays && made >= ENOUGH && 2 * made > settled {
-                    return filled;
-                }
             }
         }
         filled
