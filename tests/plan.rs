@@ -110,3 +110,19 @@ fn every_item_is_explained() {
         }
     }
 }
+
+/// Photons tell where light comes from wherever gather rays go, kept or not, and are not stored for that where none go.
+#[test]
+fn flux_is_kept_for_gather_rays_alone() {
+    for (set, kept) in [
+        (&["surface.irradiance_cache=true"][..], true),
+        (&["surface.irradiance_cache=false"], true),
+        (&["surface.gather_directions=bsdf"], false),
+        (&["surface.indirect=map"], false),
+    ] {
+        let (scene, settings) = built(ROOM, &[&["photons.global=20000", "render.method=photon"], set].concat());
+        let forecast = Forecast::new(&scene, &settings, &Limits::default(), None).unwrap();
+        let flux = forecast.item("flux_map").expect("the plan has a row for it");
+        assert_eq!((flux.needed, flux.bytes.is_some_and(|bytes| bytes > 0)), (kept, kept), "{set:?}: {}", flux.why);
+    }
+}

@@ -320,7 +320,7 @@ impl Check<'_> {
 
     /// Why paths may lack light.
     fn path_lacks(&self) -> Option<&'static str> {
-        let bends = any_material(self.scene, &|material| material.is_narrow());
+        let bends = self.scene.any_material(&Material::is_narrow);
         let small = self.scene.lights.iter().any(|light| !matches!(light, Light::Environment(_)));
         (bends && small).then_some(BY_CHANCE)
     }
@@ -339,7 +339,7 @@ impl Check<'_> {
         if camera.is_pinhole() && around.is_some_and(|medium| medium.scatters()) {
             return Some(PINHOLE);
         }
-        if any_material(scene, &coated) {
+        if scene.any_material(&coated) {
             return Some(COATS);
         }
         self.glows_without_end().then_some(ENDLESS)
@@ -357,19 +357,6 @@ impl Check<'_> {
         let world = self.scene.world.map(|world| &self.scene.media[world as usize]);
         world.is_some_and(|medium| medium.glows() && medium.scatters() && !medium.density.support().size().is_finite())
     }
-}
-
-/// Whether any shape is of such a material, or of a mixture with such a part.
-fn any_material(scene: &Scene, is: &impl Fn(&Material) -> bool) -> bool {
-    fn any(scene: &Scene, material: &Material, is: &impl Fn(&Material) -> bool) -> bool {
-        match material {
-            Material::Mixture(mixture) => {
-                [mixture.a, mixture.b].iter().any(|part| any(scene, &scene.finishes[*part as usize].material, is))
-            }
-            material => is(material),
-        }
-    }
-    scene.surfaces.iter().any(|surface| any(scene, &surface.material, is))
 }
 
 /// A word as a shell takes it.

@@ -78,7 +78,7 @@ impl FluxMap {
         Some(DirectionGuide::new(frame.turned(at.incidence.shading_normal), table.as_deref()?))
     }
 
-    /// The normal of the surface at a place; not a number in lanes without one.
+    /// The normal of the surface at a place. Lanes without one have some normal, but are infinitely far.
     fn normal(&self, block: usize, lane: usize) -> DVec3 {
         self.places.normals[block][lane].unpacked().as_dvec3()
     }

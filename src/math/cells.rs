@@ -19,7 +19,7 @@ impl Cells {
     }
 
     /// How many there are.
-    pub fn count(self) -> usize {
+    pub const fn count(self) -> usize {
         self.rings * self.sectors
     }
 

@@ -116,6 +116,9 @@ fn throws_narrow_caustics(scene: &Scene, seed: u64) -> bool {
         let bounds = scene.geometry.bounds(shape).intersection(scene.near_bounds());
         let center = 0.5 * (bounds.min + bounds.max);
         (0..).zip(&scene.lights).any(|(index, light)| {
+            if !light.has_size() {
+                return true;
+            }
             // 1/∫ p² dω: the solid angle, of light that comes evenly from it.
             let (mut drawn, mut density) = (0.0, 0.0);
             for draw in 0..DRAWS {
@@ -124,7 +127,7 @@ fn throws_narrow_caustics(scene: &Scene, seed: u64) -> bool {
                     (drawn, density) = (drawn + 1.0, density + arrival.density);
                 }
             }
-            !light.has_size() || density * WIDE > drawn
+            density * WIDE > drawn
         })
     })
 }

@@ -1,7 +1,7 @@
 //! Numbers of photons and neighbours, where the scene file leaves them open.
 
 use crate::photon::{Kind, served_lights, why_none_land};
-use crate::scene::description::{Film, Indirect, Method};
+use crate::scene::description::{Film, GatherDirections, Indirect, Method};
 use crate::scene::{Scene, Settings};
 use crate::transport::Events;
 
@@ -158,6 +158,15 @@ pub(super) fn why_no_irradiance_cache(scene: &Scene, settings: &Settings) -> Opt
         // Of light with few events, what differs from place to place is how many the eye's side had.
         () if Events::of_max_depth(render.max_depth).is_limited() => Some("render.max_depth limits events"),
         () => (!surface.irradiance_cache).then_some("surface.irradiance_cache is false"),
+    })
+}
+
+/// Why photons do not tell where gather rays go; `None` where they do.
+pub(super) fn why_no_flux(scene: &Scene, settings: &Settings) -> Option<&'static str> {
+    let surface = &settings.surface;
+    why_no_global_photons(scene, settings).or(match () {
+        () if surface.indirect != Indirect::FinalGather => Some("nothing is gathered: the global map is shown"),
+        () => (surface.gather_directions == GatherDirections::Bsdf).then_some("surface.gather_directions is \"bsdf\""),
     })
 }
 

@@ -4,8 +4,8 @@ use super::plan::bounds_of_medium;
 use crate::light::Light;
 use crate::medium::Medium;
 use crate::medium::phase::Peak;
+use crate::scene::Scene;
 use crate::scene::description::{Peaks, Volume};
-use crate::scene::{Scene, Surface};
 use crate::surface::Material;
 
 /// The broad part of a phase function is at most so many times an isotropic one.
@@ -27,8 +27,7 @@ const SHARP: f64 = 16.0;
 /// time is 0.04 to 0.22 of what it is with photons alone, with a point lamp 0.57. Where a spot shines through fog, or glass sends light on, it is 1.7 to 10 times: paths ask for
 /// light at places that it does not reach. Milk in a glass gains nothing.
 pub(super) fn of_media(scene: &Scene, volume: &Volume) -> Vec<Option<Peak>> {
-    let is_narrow = |surface: &Surface| scene.any_part(&surface.material, &Material::is_narrow);
-    let lit_all_around = !scene.lights.iter().any(Light::is_beam) && !scene.surfaces.iter().any(is_narrow);
+    let lit_all_around = !scene.lights.iter().any(Light::is_beam) && !scene.any_material(&Material::is_narrow);
     // The least second moment of a peak.
     let least = |index: u32| match volume.peaks {
         Peaks::Photons => None,

@@ -22,7 +22,7 @@ use super::eternity;
 use super::importons;
 use super::limits::Limits;
 use super::numbers::{
-    caustic_photons, global_photons, neighbours, shadow_photons, volume_photons, why_no_irradiance_cache,
+    caustic_photons, global_photons, neighbours, shadow_photons, volume_photons, why_no_flux, why_no_irradiance_cache,
     why_no_irradiances,
 };
 use super::peaks;
@@ -253,7 +253,7 @@ impl Plan {
                     Some(_) => 0,
                 },
                 max_radius: max_radius as f32,
-                flux: by_flux > 0,
+                flux: why_no_flux(scene, settings).is_none(),
             },
             shadow_photons,
             seen: if shadow_photons > 0 { pilot.seen() } else { None },

@@ -22,6 +22,11 @@ impl Scene {
         [(1.0 - weight, part(mixture.a)), (weight, part(mixture.b))]
     }
 
+    /// Whether any shape is of a material for which `holds` is true, or of a mixture with such a part.
+    pub fn any_material(&self, holds: &impl Fn(&Material) -> bool) -> bool {
+        self.surfaces.iter().any(|surface| self.any_part(&surface.material, holds))
+    }
+
     /// Whether `holds` is true of a material, or of one that it is a mixture of.
     pub fn any_part(&self, material: &Material, holds: &impl Fn(&Material) -> bool) -> bool {
         match material {

@@ -18,7 +18,7 @@ pub type DirectionTable = [f32; COUNT];
 
 /// The cells that are told apart. More would hold too few photons each.
 const CELLS: Cells = Cells { rings: 4, sectors: 12 };
-const COUNT: usize = 48;
+const COUNT: usize = CELLS.count();
 /// The share that goes in proportion to the cosine alone.
 const EVEN: f64 = 0.5;
 

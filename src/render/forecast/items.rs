@@ -14,8 +14,8 @@ use crate::render::eye::Component;
 use crate::render::irradiance::most_records;
 use crate::render::limits::Limits;
 use crate::render::numbers::{
-    why_no_caustic_photons, why_no_global_photons, why_no_irradiance_cache, why_no_irradiances, why_no_photons,
-    why_no_shadow_photons, why_no_volume_photons,
+    why_no_caustic_photons, why_no_flux, why_no_global_photons, why_no_irradiance_cache, why_no_irradiances,
+    why_no_photons, why_no_shadow_photons, why_no_volume_photons,
 };
 use crate::render::peaks;
 use crate::render::plan::Plan;
@@ -232,10 +232,8 @@ fn on_surfaces(items: &mut Items, (scene, settings): (&Scene, &Settings), plan: 
 
     // What keeps light that is gathered.
     let why_not = why_no_irradiance_cache(scene, settings);
-    let no_flux = (!plan.global.flux).then_some("surface.gather_directions is \"bsdf\"");
-    let why = "photons tell where gather rays of the irradiance cache go";
-    let why_no_flux = why_none(global).or(why_not).or(no_flux);
-    items.add("flux_map", unless(why_no_flux, why)).takes(global.map(|found| found.flux));
+    let no_flux = why_none(global).or_else(|| why_no_flux(scene, settings));
+    items.add("flux_map", unless(no_flux, "photons tell where gather rays go")).takes(global.map(|found| found.flux));
     let (why, most) = match &plan.cache {
         Some(cache) => {
             let why = format!("as many records as it takes, this many at most, of {} gather rays each", cache.rays());
@@ -311,9 +309,7 @@ fn of_scene(items: &mut Items, scene: &Scene, plan: &Plan) {
     items.add("overlaps", unless(why_not, "media add up")).of(overlaps as u64);
 
     // What surfaces are made of.
-    let any = |holds: &dyn Fn(&Material) -> bool| {
-        scene.surfaces.iter().any(|surface| scene.any_part(&surface.material, &|material: &Material| holds(material)))
-    };
+    let any = |holds: &dyn Fn(&Material) -> bool| scene.any_material(&|material: &Material| holds(material));
     let refracts = |material: &Material| match material {
         Material::Dielectric(_) => true,
         Material::Opaque(bsdf) => matches!(bsdf, Bsdf::Coated(_) | Bsdf::Thin(_)),
