@@ -370,7 +370,7 @@ impl Mesh<'_> {
         let sectors = self.cells.sectors;
         let mut sum = Derivatives::default();
         let mut add = |corners: [(DVec3, Rgb); 3]| {
-            let radiance = (corners[0].1 + corners[1].1 + corners[2].1) / 3.0;
+            let radiance = revealed(&corners);
             if radiance.max_element() <= 0.0 {
                 return;
             }
@@ -397,6 +397,15 @@ impl Mesh<'_> {
         }
         sum
     }
+}
+
+/// The radiance of a triangle of the mesh: the mean of its corners', weighted by their squared distances. On a surface these are alike. Between an
+/// edge and what is behind it, it is the latter that comes out or hides as the place moves: with the plain mean, a bright ball would
+/// seem to grow as one looks around it.
+fn revealed(corners: &[(DVec3, Rgb); 3]) -> Rgb {
+    let weights = corners.map(|(end, _)| end.length_squared());
+    let sum: f64 = weights.iter().sum();
+    corners.iter().zip(weights).map(|((_, radiance), weight)| weight / sum * *radiance).sum()
 }
 
 /// π times the form factor of a triangle from the origin with normal z (Lambert 1760), and its derivatives as the origin moves: along x,
@@ -530,6 +539,29 @@ mod tests {
         let by_flux = of(Cells::about(120), 200 - Cells::about(120).count() as u32, 0.0);
         assert!(by_flux < plain / 6.0, "{by_flux}, and {plain} without");
         of(Cells::about(120), 80, 0.7);
+    }
+
+    /// Beside a bright ball before a dark ceiling, E = π a² h/(c² + h²)^³⸍², and its change follows: what is behind the ball's rim is dark.
+    #[test]
+    fn what_comes_out_behind_a_rim_is_what_is_behind() {
+        let (radius, center) = (0.5f64, DVec3::new(0.6, 0.0, 1.0));
+        let (square, ceiling) = (center.length_squared(), 3.0);
+        let frame = Frame { x: DVec3::X, y: DVec3::Y, z: DVec3::Z };
+        let cells = Cells { rings: 40, sectors: 120 };
+        let gather = |index: usize| {
+            let direction = cells.direction(index, &frame, [0.5; 2]);
+            let middle = center.dot(direction);
+            let inside = radius * radius + middle * middle - square;
+            let (bright, distance) =
+                if inside > 0.0 { (1.0, middle - inside.sqrt()) } else { (0.0, ceiling / direction.z) };
+            Gathering { direction, radiance: Rgb::splat(bright), distance, cell: index, of: 1 }
+        };
+        let found: Vec<Gathering> = (0..cells.count()).map(gather).collect();
+        let limits = Limits { least: [1e-3 * frame.x, 1e-3 * frame.y], most: 1.0 };
+        let record = Record::new(DVec3::ZERO, &frame, cells, &found, Spacing::Hessian(0.1), &limits);
+        let expected = PI * radius * radius * center.z * 3.0 * center.x / square.powf(2.5);
+        let found = record.gradients[0].x;
+        assert!((found / expected - 1.0).abs() < 0.05, "{found}, not {expected}");
     }
 
     /// Below a lit square, a record tells irradiance and its change along the floor and with the normal as they are: Lambert's
