@@ -6,6 +6,11 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
+use openjd_model::{
+    CallerLimits, DocumentType, PathParameterOptions, SpecificationRevision, StepDependencyGraph,
+    StepParameterSpaceIterator, ValidationContext, create_job, decode_job_template, preprocess_job_parameters,
+    template::parse::document_string_to_object,
+};
 use serde_json::Value;
 use volpm::image;
 
@@ -136,6 +141,28 @@ fn tasks_come_to_the_whole() {
     fs::write(folder.join("a scene that's mine/models/floor.obj"), FLOOR.replace('5', "6")).unwrap();
     let why = refused(folder, "bash", &command(folder, &template, 0, 0, "1"));
     assert!(why.contains("another scene"), "{why}");
+}
+
+/// Whom the format is of finds the template valid, as JSON and as YAML, and makes the tasks of it that we mean.
+#[test]
+fn templates_are_what_farms_read() {
+    let folder = workplace();
+    let folder = folder.path();
+    let template = done(folder, "volpm", &[&["job", NAME], &SHARED[..]].concat());
+    let limits = CallerLimits::default();
+    for kind in [DocumentType::Json, DocumentType::Yaml] {
+        let document = document_string_to_object(&template, kind, &limits).unwrap();
+        let template = decode_job_template(document, None, &limits).unwrap();
+        let root = folder.to_str().unwrap();
+        let paths = PathParameterOptions::new(root, root);
+        let values = preprocess_job_parameters(&template, &[].into(), &[], &paths).unwrap();
+        let job = create_job(&template, &values, &ValidationContext::new(SpecificationRevision::CURRENT)).unwrap();
+        let order = StepDependencyGraph::new(&job).unwrap().topo_sorted_names().unwrap();
+        assert_eq!(order, ["Render", "Merge"]);
+        let tasks = StepParameterSpaceIterator::new(job.steps[0].parameter_space.as_ref().unwrap()).unwrap();
+        assert_eq!(tasks.len(), 4);
+        assert!(job.steps[1].parameter_space.is_none());
+    }
 }
 
 #[test]
