@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use volpm::check::{self, Outcome, Report, Request};
+use volpm::check::{self, Outcome, Report, Request, Row};
 use volpm::render::{Replayer, Silent, render};
 use volpm::scene;
 
@@ -47,7 +47,8 @@ intensity = 30
 radius = 0.1
 "#;
 
-/// Another medium in part of the first, a box with a lamp and a ball in it, and a roof one of whose faces is flipped.
+/// Another medium in part of the first, a box with a lamp and a ball in it, a roof one of whose faces is flipped, a second floor in
+/// the place of the first, and the lamp once more.
 const BROKEN: &str = r#"
 [media.smoke]
 sigma_t = 4
@@ -82,22 +83,44 @@ name = "roof"
 type = "mesh"
 file = "roof.obj"
 material = "white"
+[materials.grey]
+type = "lambert"
+reflectance = 0.3
+[[shapes]]
+name = "ground"
+type = "quad"
+origin = [-5, 0, 5]
+edge_u = [10, 0, 0]
+edge_v = [0, 0, -10]
+material = "grey"
+[[lights]]
+type = "point"
+position = [0.3, 3.3, 0.3]
+intensity = 30
+radius = 0.1
 "#;
 
 const ROOF: &str = "v -1 3 -1\nv 1 3 -1\nv 1 3 1\nv -1 3 1\nf 1 2 3\nf 1 4 3\n";
+
+const SEEDS: u32 = 4;
 
 fn checked(folder: &Path, text: &str, set: &[&str]) -> Report {
     let scene = folder.join("scene.toml");
     fs::write(&scene, text).unwrap();
     let set = set.iter().map(|pair| pair.to_string()).collect();
-    let request = Request { scene, set, seconds: 60.0, seeds: Some(4) };
+    let request = Request { scene, set, seconds: 60.0, seeds: Some(SEEDS) };
     check::run(&request, &Silent, &AtomicBool::new(false)).unwrap()
 }
 
 #[track_caller]
+fn row<'r>(report: &'r Report, test: &str) -> &'r Row {
+    let found = report.rows.iter().find(|row| row.test == test);
+    found.unwrap_or_else(|| panic!("no row {test}: {:#?}", report.rows))
+}
+
+#[track_caller]
 fn outcome_of(report: &Report, test: &str) -> Outcome {
-    let row = report.rows.iter().find(|row| row.test == test);
-    row.unwrap_or_else(|| panic!("no row {test}: {:#?}", report.rows)).outcome
+    row(report, test).outcome
 }
 
 #[test]
@@ -110,6 +133,7 @@ fn a_sound_scene_passes() {
         "lights reach what is seen",
         "shapes are seen",
         "media are entered",
+        "nothing is there twice",
         "energy: emitted = absorbed + escaped + left",
         "energy: photons bring what media scatter",
         "pixels are finite and not negative",
@@ -136,10 +160,65 @@ fn what_is_wrong_is_named() {
         ("lights reach what is seen", "the point light at (4.1, 0.3, -3.1)"),
         ("shapes are seen", "shapes.treasure"),
         ("media are entered", "medium gold"),
+        ("nothing is there twice", "lights.2 is the same as lights.0; shapes.ground is where shapes.floor is"),
     ] {
-        let row = report.rows.iter().find(|row| row.test == test).unwrap();
-        assert!(row.outcome == Outcome::Fail && row.found.contains(named), "{row:#?}");
+        assert_caught(&report, test, named);
     }
+}
+
+#[track_caller]
+fn assert_caught(report: &Report, test: &str, named: &str) {
+    let row = row(report, test);
+    assert!(row.outcome == Outcome::Fail && row.found.contains(named), "{row:#?}");
+}
+
+/// What needs pictures to be seen, each in a scene of its own: a hole in a mesh, and a camera in a pillar; matter too dense for its photons;
+/// a lens over the floor, left to paths that hardly ever find the lamp through it; a lamp too bright for a picture's numbers.
+#[test]
+fn what_pictures_show_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("sheet.obj"), torn_sheet()).unwrap();
+    let blind = "[[shapes]]\nname = \"pillar\"\ntype = \"sphere\"\ncenter = [8, 9, 6]\nradius = 0.5\nmaterial = \"white\"\n\
+                 [[shapes]]\nname = \"sheet\"\ntype = \"mesh\"\nfile = \"sheet.obj\"\nmaterial = \"white\"\n";
+    let lens = "[materials.glass]\ntype = \"dielectric\"\n\
+                [[shapes]]\ntype = \"sphere\"\ncenter = [0.3, 2.5, 0.3]\nradius = 0.4\nmaterial = \"glass\"\n";
+    let dense = "media.fog.scale=1e4";
+    let by_paths = ["render.method=path", "lights.0.radius=0.02"];
+    for (more, set, caught) in [
+        (
+            blind,
+            &["camera.position=[8, 9, 6]"][..],
+            &[
+                ("meshes", "shapes.sheet: 4 of"),
+                ("the picture is lit", "black"),
+                ("shapes are seen", "shapes.floor"),
+                ("lights reach what is seen", "the emission of the lamp at (0.3, 3.3, 0.3)"),
+            ][..],
+        ),
+        ("", &[dense], &[("points ↔ path", "darker")]),
+        (lens, &by_paths, &[("path ↔ light", "by way of mirrors and glass by chance only")]),
+        ("", &["lights.0.intensity=1e38"], &[("pixels are finite and not negative", "were dropped")]),
+    ] {
+        let report = checked(folder.path(), &format!("{SOUND}{more}"), set);
+        for (test, named) in caught {
+            assert_caught(&report, test, named);
+        }
+    }
+}
+
+/// A bent sheet of many faces, four of whose edges lie round a hole.
+fn torn_sheet() -> String {
+    const SIDE: usize = 14;
+    let mut text = String::new();
+    for i in 0..(SIDE + 1) * (SIDE + 1) {
+        let (x, y) = (i % (SIDE + 1), i / (SIDE + 1));
+        text += &format!("v {} {} {}\n", 0.1 * x as f64, 2.0 + 0.01 * (x * y % 5) as f64, -0.1 * y as f64);
+    }
+    for (x, y) in (0..SIDE * SIDE).map(|i| (i % SIDE, i / SIDE)).filter(|cell| *cell != (5, 7)) {
+        let a = y * (SIDE + 1) + x + 1;
+        text += &format!("f {} {} {} {}\n", a, a + 1, a + SIDE + 2, a + SIDE + 1);
+    }
+    text
 }
 
 /// Photons spread over far more than there is, without a correction: the ball is darker than its radii say.

@@ -38,6 +38,8 @@ pub struct Shot {
     pub spread: Image,
     /// Without what the camera sees shine: what photons may have to do with.
     pub sent: Image,
+    /// Without either: what photons bring to what the camera sees directly.
+    pub direct: Image,
     /// Its seed.
     pub seed: u64,
     /// What it cost.
@@ -62,6 +64,11 @@ impl Series {
     /// That without what is seen in mirrors and through boundaries.
     pub fn spread(&self) -> Blocks {
         Blocks::of(self.shots.iter().map(|shot| &shot.spread), BLOCK)
+    }
+
+    /// That without either.
+    pub fn direct(&self) -> Blocks {
+        Blocks::of(self.shots.iter().map(|shot| &shot.direct), BLOCK)
     }
 
     /// That without what the camera sees shine.
@@ -125,11 +132,11 @@ impl<'a> Bench<'a> {
         }
         let image = rendering.film.image();
         let layers = rendering.film.layers();
-        let all_but = |left_out: Component| {
+        let all_but = |left_out: &[Component]| {
             let mut sum = Image::new(image.width, image.height);
             for layer in &layers {
                 let LayerData::Rgb(values) = &layer.channels else { continue };
-                let mut counted = Component::ALL.iter().filter(|component| **component != left_out);
+                let mut counted = Component::ALL.iter().filter(|component| !left_out.contains(component));
                 if counted.any(|component| component.name() == layer.name) {
                     let values = values.as_flattened().iter();
                     sum.pixels.as_flattened_mut().iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
@@ -137,9 +144,10 @@ impl<'a> Bench<'a> {
             }
             sum
         };
-        let (spread, sent) = (all_but(Component::Specular), all_but(Component::Emission));
+        let (spread, sent) = (all_but(&[Component::Specular]), all_but(&[Component::Emission]));
+        let direct = all_but(&[Component::Specular, Component::Emission]);
         let (stats, warnings) = (rendering.stats, rendering.warnings);
-        Ok(Some(Shot { image, spread, sent, seed: settings.render.seed, stats, warnings }))
+        Ok(Some(Shot { image, spread, sent, direct, seed: settings.render.seed, stats, warnings }))
     }
 
     /// Takes fewer samples for each picture, where as many take long: the more pictures, the surer is their spread.

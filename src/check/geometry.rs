@@ -22,7 +22,7 @@ const MOST_APART: usize = 64;
 const SHORT: f64 = 1e-6;
 /// The share of pieces that may disagree by rounding at edges.
 const ROUNDING: f64 = 1e-4;
-/// An open mesh with fewer open edges than this share was meant to be closed.
+/// Of a mesh so small a share of whose edges lies round what is small beside it, these are holes; of many small sheets they are rims.
 const NEARLY: f64 = 0.05;
 
 /// What lines through the solids found.
@@ -217,7 +217,7 @@ pub fn meshes((scene, names): (&Scene, &Names<'_>)) -> Row {
         }
         faces += mesh.triangle_count();
         let flaws = mesh.flaws();
-        let share = flaws.open as f64 / flaws.edges.max(1) as f64;
+        let share = flaws.holes as f64 / flaws.edges.max(1) as f64;
         let place = flaws.place.map_or(String::new(), |place| {
             format!(", as at {}", names.place(placed.to_world().transform_point3(place)))
         });
@@ -227,11 +227,11 @@ pub fn meshes((scene, names): (&Scene, &Names<'_>)) -> Row {
                 names.shape(id),
                 flaws.flipped
             ));
-        } else if flaws.open > 0 && share < NEARLY {
+        } else if flaws.holes > 0 && share < NEARLY {
             wrong.push(format!(
-                "{}: {} of {} edges are open{place}: it has a hole",
+                "{}: {} of {} edges are open and lie round a hole{place}",
                 names.shape(id),
-                flaws.open,
+                flaws.holes,
                 flaws.edges
             ));
         }

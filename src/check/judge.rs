@@ -13,13 +13,15 @@ const BLIND: f64 = 0.5;
 const SLACK: [f64; 2] = [0.02, 0.005];
 /// The least number of standard errors that a difference may have by chance.
 const ERRORS: f64 = 3.0;
-/// Of an equivalence, variances of few seeds are moderated by what they are on average, as a share of a block's light, with as much
-/// weight as so many degrees of freedom (Smyth 2004, "Linear models and empirical Bayes methods").
+/// Variances of few seeds, or of rare bright samples which a block may not have met, are moderated by what they are on average, as a
+/// share of a block's light, with as much weight as so many degrees of freedom (Smyth 2004, "Linear models and empirical Bayes methods").
 const MODERATION: f64 = 10.0;
 /// Blocks darker than this share of the picture tell nothing of relative errors, nor of the distribution of p-values.
 const DARK: f64 = 0.05;
 /// Differences of less than this share of the picture's light are not tested: in darkness, means are of a few samples.
 const NOTHING: f64 = 0.002;
+
+const RARE: &str = "its light there comes in rare, bright samples, which blocks may lack";
 
 /// An estimator's pictures.
 pub struct Side<'b> {
@@ -29,14 +31,26 @@ pub struct Side<'b> {
     pub blocks: &'b Blocks,
     /// Why it may lack some light, if it may.
     pub misses: Option<&'b str>,
+    /// Whether fireflies hold so much of its light that what blocks lack of them is not told by how far pictures are apart.
+    pub is_rare: bool,
     /// Whether the scene itself is rendered so: then what is lacking is missed.
     pub is_own: bool,
 }
 
 impl<'b> Side<'b> {
+    /// That misses nothing.
+    pub fn whole(name: &'b str, blocks: &'b Blocks) -> Self {
+        Side { name, blocks, misses: None, is_rare: false, is_own: false }
+    }
+
+    /// Why it may be too dark, if it may.
+    fn lack(&self) -> Option<&'b str> {
+        self.misses.or(self.is_rare.then_some(RARE))
+    }
+
     /// Why a lack of light is not held against it.
     fn excuse(&self) -> Option<&'b str> {
-        self.misses.filter(|_| !self.is_own)
+        self.misses.filter(|_| !self.is_own).or(self.is_rare.then_some(RARE))
     }
 }
 
@@ -49,13 +63,13 @@ struct Apart<'d> {
     lacking: &'d Side<'d>,
 }
 
-/// Compares two unbiased estimators.
-pub fn unbiased(test: &str, a: &Side<'_>, b: &Side<'_>) -> Row {
+/// Compares two unbiased estimators. `moderate`: where noise is much the same in blocks that are alike, no block is surer than it may be.
+pub fn unbiased(test: &str, a: &Side<'_>, b: &Side<'_>, moderate: bool) -> Row {
     let level = 0.5 * (a.blocks.level() + b.blocks.level());
     if level <= 0.0 {
         return Row::not_applicable(test, format!("neither {} nor {} finds any light", a.name, b.name));
     }
-    let duel = Duel::new(a, b, level);
+    let duel = Duel::new(a, b, level, moderate);
     let (outcome, found) = duel.verdict();
     Row { map: Some(duel.map()), ..Row::new(test, outcome, found).with(duel.least()) }
 }
@@ -73,11 +87,19 @@ struct Duel<'d> {
 }
 
 impl<'d> Duel<'d> {
-    fn new(a: &'d Side<'d>, b: &'d Side<'d>, level: f64) -> Self {
+    fn new(a: &'d Side<'d>, b: &'d Side<'d>, level: f64, moderate: bool) -> Self {
         let count = a.blocks.count();
-        let test = |(block, channel)| {
-            let (a, b) = (a.blocks.mean(block, channel), b.blocks.mean(block, channel));
-            let mut welch = Welch::test(&a, &b);
+        let light = |place: (usize, usize)| {
+            let [a, b] = [a, b].map(|side| side.blocks.mean(place.0, place.1).value);
+            (0.5 * (a + b)).max(DARK * level)
+        };
+        let [of_a, of_b] = [a, b].map(|side| {
+            let means: Vec<Mean> = places(count).map(|(block, channel)| side.blocks.mean(block, channel)).collect();
+            let lights: Vec<f64> = places(count).map(light).collect();
+            if moderate { moderated(&means, &lights) } else { means }
+        });
+        let test = |((block, _), (a, b)): ((usize, usize), (&Mean, &Mean))| {
+            let mut welch = Welch::test(a, b);
             if welch.difference.abs() < NOTHING * level {
                 welch.p = 1.0;
             }
@@ -87,7 +109,8 @@ impl<'d> Duel<'d> {
             let (a, b) = (a.blocks.grey(block), b.blocks.grey(block));
             (Welch::test(&a, &b).p, 0.5 * (a.value + b.value) > 3.0 * DARK * level)
         };
-        Duel { a, b, level, tests: places(count).map(test).collect(), greys: (0..count - 1).map(grey).collect() }
+        let tests = places(count).zip(of_a.iter().zip(&of_b)).map(test).collect();
+        Duel { a, b, level, tests, greys: (0..count - 1).map(grey).collect() }
     }
 
     fn all(&self) -> Vec<f64> {
@@ -131,7 +154,7 @@ impl<'d> Duel<'d> {
     fn verdict(&self) -> (Outcome, String) {
         let (a, b, count) = (self.a, self.b, self.tests.len());
         let tell = |worst: &Apart<'_>| {
-            let why = worst.lacking.misses.map_or(String::new(), |why| format!(", as {why}"));
+            let why = worst.lacking.lack().map_or(String::new(), |why| format!(", as {why}"));
             format!("{} is {} than {} in {}{why}", a.name, apart(worst.share), b.name, a.blocks.place(worst.block))
         };
         if let Some(worst) = self.apart(false).first() {
@@ -142,7 +165,7 @@ impl<'d> Duel<'d> {
                 format!("{told}: p = {:.1e}; so it is in {failed} of {count} blocks and channels (Holm)", worst.p),
             );
         }
-        let (excess, complete) = (excess_of_small(&self.lit()), a.misses.is_none() && b.misses.is_none());
+        let (excess, complete) = (excess_of_small(&self.lit()), a.lack().is_none() && b.lack().is_none());
         if complete && excess < 0.1 * ALPHA {
             let bins = histogram(&self.lit());
             return (
@@ -205,15 +228,15 @@ impl Blurred<'_> {
 
 /// Compares a biased estimator with an unbiased one: their difference is to lie within the declared bias and what noise explains.
 pub fn biased(test: &str, photons: &Blurred<'_>, judge: &Side<'_>) -> Row {
-    let level = judge.blocks.level();
-    if level <= 0.0 && photons.wide.level() <= 0.0 {
+    let level = judge.blocks.level().max(photons.wide.level());
+    if level <= 0.0 {
         return Row::not_applicable(test, format!("neither {} nor {} finds any light", photons.name, judge.name));
     }
     let differences = differences(photons, judge, level);
     let count = differences.len();
     let lit = differences.iter().filter(|found| found.light > DARK * level);
     let sees = median(lit.map(|found| found.noise / found.light).collect());
-    let lacks = |found: &&Difference| if found.value > 0.0 { judge.misses } else { photons.misses };
+    let lacks = |found: &&Difference| if found.value > 0.0 { judge.lack() } else { photons.misses };
     let (excused, faults): (Vec<&Difference>, Vec<&Difference>) =
         differences.iter().filter(|found| found.times() > 1.0).partition(|found| lacks(found).is_some());
     let worst = |of: &[&Difference]| of.iter().copied().max_by(|a, b| a.times().total_cmp(&b.times())).copied();
@@ -296,6 +319,24 @@ fn differences(photons: &Blurred<'_>, judge: &Side<'_>, level: f64) -> Vec<Diffe
         Difference { block, value: own - other, light: light(place), bias, noise, allowed }
     };
     places(count).map(difference).collect()
+}
+
+/// Means of all places, of which the last block is the whole picture, with variances no smaller than moderated by those of other places
+/// that are half to twice as bright: a block that has not met what is rare does not know how much it varies.
+fn moderated(means: &[Mean], lights: &[f64]) -> Vec<Mean> {
+    let blocks = means.len() - 3;
+    let relative = |place: usize| means[place].variance / lights[place].powi(2);
+    let moderate = |(place, mean): (usize, &Mean)| {
+        if place >= blocks {
+            return *mean;
+        }
+        let alike = (0..blocks).filter(|other| (0.5..=2.0).contains(&(lights[*other] / lights[place])));
+        let (sum, count) = alike.fold((0.0, 0.0), |(sum, count), other| (sum + relative(other), count + 1.0));
+        let (usual, freedom) = (sum / count * lights[place].powi(2), mean.count - 1.0);
+        let variance = (MODERATION * usual + freedom * mean.variance) / (MODERATION + freedom);
+        Mean { variance: variance.max(mean.variance), ..*mean }
+    };
+    means.iter().enumerate().map(moderate).collect()
 }
 
 /// All channels of so many blocks.

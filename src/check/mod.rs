@@ -68,8 +68,12 @@ const END: f64 = 0.03;
 /// Seconds that are more than there are.
 const FOREVER: f64 = 1e8;
 
+/// Phase functions of a greater mean cosine have a peak that a camera, which is asked for light by each collision, hardly ever lies in.
+const PEAK: f64 = 0.97;
+
 const BY_CHANCE: &str = "paths find light of small lamps by way of mirrors and glass by chance only";
 const COATS: &str = "light paths do not see what coats and sheets mirror";
+const PEAKED: &str = "light paths seldom meet the camera within the peak of a phase function";
 const PINHOLE: &str = "light paths of a pinhole within a medium have infinite variance";
 const ENDLESS: &str = "what a glowing medium without an end scatters is left out";
 const NOBODY: &str = "the scene leaves indirect light out (surface.indirect = \"none\")";
@@ -143,8 +147,7 @@ pub fn t_test(images: &[Image], references: &[Image]) -> Result<Row> {
     }
     let block = first.width.max(first.height).div_ceil(ACROSS);
     let [a, b] = [images, references].map(|images| Blocks::of(images, block));
-    let side = |blocks, name| Side { name, blocks, misses: None, is_own: false };
-    Ok(unbiased("t-test", &side(&a, "the image"), &side(&b, "the reference")))
+    Ok(unbiased("t-test", &Side::whole("the image", &a), &Side::whole("the reference", &b), false))
 }
 
 /// A check on its way.
@@ -250,7 +253,8 @@ impl Check<'_> {
         report.rows.push(pixels.sound(&all)?);
         for (_, series) in &all {
             for warning in series.shots.iter().flat_map(|shot| &shot.warnings) {
-                if !report.warnings.contains(warning) {
+                // Those of other pictures differ by numbers.
+                if !report.warnings.iter().any(|known| without_digits(known) == without_digits(warning)) {
                     report.warnings.push(warning.clone());
                 }
             }
@@ -290,18 +294,29 @@ impl Check<'_> {
         let spread = path.as_ref().map(Series::spread);
         let light = light.as_ref().map(Series::spread);
         let own = self.settings.render.method;
-        let side = |blocks, method: Method, misses| Side { name: method.name(), blocks, misses, is_own: method == own };
+        let spoilt = |method: Method| rows.iter().any(|row| pixels::is_spoilt(row, method.name()));
+        let spoilt = [Method::Path, Method::Light].map(|method| (method, spoilt(method)));
+        let spoilt = |method| spoilt.contains(&(method, true));
+        let side = |blocks, method: Method, misses| Side {
+            name: method.name(),
+            blocks,
+            misses,
+            is_rare: spoilt(method),
+            is_own: method == own,
+        };
         rows.push(match &all {
             Some(all) if all.seeds() >= 6 => {
                 let [even, odd] = [0, 1].map(|half| all.some(|seed| seed % 2 == half));
-                let half = |blocks, name| Side { name, blocks, misses: None, is_own: false };
-                unbiased("path ↔ path", &half(&even, "every second seed"), &half(&odd, "every other seed"))
+                let half = |blocks, name| Side { is_rare: spoilt(Method::Path), ..Side::whole(name, blocks) };
+                unbiased("path ↔ path", &half(&even, "every second seed"), &half(&odd, "every other seed"), true)
             }
             _ => Row::not_applicable("path ↔ path", time),
         });
         let judge = light.as_ref().map(|blocks| side(blocks, Method::Light, light_lacks));
         rows.push(match (&spread, &judge) {
-            (Some(spread), Some(judge)) => unbiased("path ↔ light", &side(spread, Method::Path, path_lacks), judge),
+            (Some(spread), Some(judge)) => {
+                unbiased("path ↔ light", &side(spread, Method::Path, path_lacks), judge, true)
+            }
             _ => Row::not_applicable("path ↔ light", time),
         });
         // Light paths tell what paths may lack.
@@ -315,7 +330,7 @@ impl Check<'_> {
         for variant in photons {
             rows.extend(photons::judged(variant, &judges, photons_lack));
         }
-        rows.extend(photons::quality(&self.bench, &photons[0]));
+        rows.extend(photons::quality(&self.bench, self.settings, &photons[0]));
     }
 
     /// Why paths may lack light.
@@ -342,6 +357,9 @@ impl Check<'_> {
         if scene.any_material(&coated) {
             return Some(COATS);
         }
+        if scene.media.iter().any(|medium| medium.scatters() && medium.phase.greatest_cosine() > PEAK) {
+            return Some(PEAKED);
+        }
         self.glows_without_end().then_some(ENDLESS)
     }
 
@@ -357,6 +375,10 @@ impl Check<'_> {
         let world = self.scene.world.map(|world| &self.scene.media[world as usize]);
         world.is_some_and(|medium| medium.glows() && medium.scatters() && !medium.density.support().size().is_finite())
     }
+}
+
+fn without_digits(text: &str) -> String {
+    text.chars().filter(|c| !c.is_ascii_digit()).collect()
 }
 
 /// A word as a shell takes it.

@@ -175,31 +175,36 @@ pub fn judged(variant: &Variant, judges: &[(&Side<'_>, bool)], misses: Option<&s
         .collect()
 }
 
-/// How much the scene's own radii blur, and how noisy its pictures are.
-pub fn quality(bench: &Bench<'_>, own: &Variant) -> Vec<Row> {
+/// How much the scene's own radii blur, and how noisy its pictures are, as `settings` ask for them.
+pub fn quality(bench: &Bench<'_>, settings: &Settings, own: &Variant) -> Vec<Row> {
     const BLUR: &str = "photons: bias of their radii";
     const NOISE: &str = "photons: noise";
     let Some((wide, narrow)) = &own.series else {
         return vec![Row::not_applicable(BLUR, "there was no time for enough pictures: allow more --time")];
     };
     // A lamp that the camera sees, smaller than a pixel, is noise of its samples, and no photons' fault.
-    let sent = wide.sent();
+    let (sent, direct) = (wide.sent(), wide.direct());
     let (wide, narrow) = (wide.blocks(), narrow.blocks());
     if wide.level() <= 0.0 {
         return vec![Row::not_applicable(BLUR, "photons find no light")];
     }
     let photons = Blurred { name: own.name, wide: &wide, narrow: &narrow, misses: None };
     // A picture with more photons has narrower discs. Bias falls with the radius at least, and with its square at most; noise falls
-    // with the root of the number at most, and with fixed numbers of neighbours hardly at all at worst.
-    let mut asked = bench.settings.clone();
+    // with the root of the number at most, and with fixed numbers of neighbours hardly at all at worst. Of several maps any may be what matters.
+    let mut asked = settings.clone();
     asked.render.method = Method::Photon;
-    let wanted = render::volume_photons(bench.scene, &asked);
-    let traced = own.wide.photons.volume.unwrap_or(wanted).min(wanted.max(1));
-    let more = if wanted > 0 { wanted as f64 / traced as f64 } else { 1.0 };
+    let maps = [render::volume_photons, render::caustic_photons, render::global_photons];
+    let maps = maps.map(|of| [of(bench.scene, &asked), of(bench.scene, &own.wide)]);
+    let (mut wanted, mut traced, mut few, mut many) = (0, 0, f64::INFINITY, 1.0f64);
+    for [asked, taken] in maps.into_iter().filter(|[_, taken]| *taken > 0) {
+        let more = (asked as f64 / taken as f64).max(1.0);
+        (wanted, traced, few, many) = (wanted + asked, traced + taken, few.min(more), many.max(more));
+    }
+    let [few, many] = [few.min(many), many];
     let fixed = own.wide.volume.kernel == Kernel::Fixed && own.wide.volume.radius.is_some();
-    let third = if fixed { 1.0 } else { more.powf(-1.0 / 3.0) };
+    let third = |more: f64| if fixed { 1.0 } else { more.powf(-1.0 / 3.0) };
     let (blur, noise) = (photons.blur(), sent.noise() / wide.level());
-    let of = if more > 1.0 { format!(", by maps of {traced} photons for one of {wanted}") } else { String::new() };
+    let of = if many > 1.0 { format!(", by {traced} photons instead of {wanted}") } else { String::new() };
     let limited = |test: &str, [least, most]: [f64; 2], limit: f64, what: &str| {
         let outcome = match (least > limit, most > limit) {
             (true, _) => Outcome::Fail,
@@ -210,8 +215,15 @@ pub fn quality(bench: &Bench<'_>, own: &Variant) -> Vec<Row> {
             if most - least > 0.1 * most { format!("{} to {}", percent(least), percent(most)) } else { percent(most) };
         Row::new(test, outcome, format!("{share} {what}{of}; {} are too much", percent(limit))).with(most)
     };
+    let scale = [many.sqrt().recip(), 1.0];
+    let mut noisy = limited(NOISE, scale.map(|by| noise * by), NOISY, "between the blocks of one picture and the next");
+    // What camera rays meet of lamps in mirrors and through glass is noise of theirs.
+    if noisy.outcome == Outcome::Fail && direct.noise() / wide.level() * scale[0] <= NOISY {
+        noisy.outcome = Outcome::NotApplicable;
+        noisy.found += "; it is in what is seen in mirrors and through glass, where glints of lamps are noise of samples";
+    }
     vec![
-        limited(BLUR, [blur * third * third, blur * third], BLURRED, "of the light, root mean square over blocks"),
-        limited(NOISE, [noise / more.sqrt(), noise], NOISY, "between the blocks of one picture and the next"),
+        limited(BLUR, [blur * third(many).powi(2), blur * third(few)], BLURRED, "of the light, root mean square over blocks"),
+        noisy,
     ]
 }

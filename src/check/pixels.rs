@@ -79,51 +79,11 @@ impl Pixels<'_, '_> {
     /// # Errors
     /// As [`Replayer::new`].
     pub fn fireflies(&self, name: &str, series: &Series, own: bool) -> Result<Row> {
-        let test = format!("fireflies: {name}");
-        let images: Vec<&Image> = series.shots.iter().map(|shot| &shot.image).collect();
-        let [first, ..] = images[..] else { return Ok(Row::not_applicable(test, "there are no pictures")) };
-        let (width, height) = (first.width, first.height);
-        let grey = |image: &Image, x: usize, y: usize| image.get(x, y).iter().map(|v| f64::from(*v)).sum::<f64>();
-        // Sums over all pictures.
-        let mut sums = vec![0.0; width * height];
-        for image in &images {
-            sums.iter_mut().enumerate().for_each(|(at, sum)| *sum += grey(image, at % width, at / width));
-        }
-        let total: f64 = sums.iter().sum();
-        // What is darker than the picture is no firefly.
-        let usual_light = (total / (images.len() * width * height) as f64).max(f64::MIN_POSITIVE);
-        let part = |x: usize, y: usize, size: usize| {
-            let (x0, y0) = (x / size * size, y / size * size);
-            let (x1, y1) = ((x0 + size).min(width), (y0 + size).min(height));
-            (y0..y1).flat_map(|y| (x0..x1).map(move |x| y * width + x)).map(|at| sums[at]).sum::<f64>()
-        };
-        let (mut found, mut light, mut brightest): (u64, f64, Option<(f64, Place)>) = (0, 0.0, None);
-        for (image, shot) in images.iter().zip(&series.shots) {
-            for y in 0..height {
-                for x in 0..width {
-                    let value = grey(image, x, y);
-                    if value < usual_light || value < SHARE * part(x, y, PART) {
-                        continue;
-                    }
-                    let (xs, ys) = (x.saturating_sub(1)..(x + 2).min(width), y.saturating_sub(1)..(y + 2).min(height));
-                    let near = xs.len() * ys.len();
-                    let around: f64 = ys
-                        .flat_map(|v| xs.clone().map(move |u| (u, v)))
-                        .map(|(u, v)| sums[v * width + u] - grey(image, u, v))
-                        .sum();
-                    let usual = around / (near * (images.len() - 1).max(1)) as f64;
-                    if value > BRIGHTER * usual {
-                        found += 1;
-                        light += value;
-                        if brightest.as_ref().is_none_or(|(most, _)| value > *most) {
-                            brightest = Some((value, Place { x, y, seed: shot.seed }));
-                        }
-                    }
-                }
-            }
-        }
-        let share = if total > 0.0 { light / total } else { 0.0 };
-        let Some((value, place)) = brightest else {
+        let test = test_of(name);
+        let Some(first) = series.shots.first() else { return Ok(Row::not_applicable(test, "there are no pictures")) };
+        let found = Fireflies::of(series, |shot| &shot.image);
+        let share = found.light / found.total.max(f64::MIN_POSITIVE);
+        let Some((value, place)) = found.brightest else {
             return Ok(Row::new(test, Outcome::Pass, "none").with(0.0));
         };
         let mut command = None;
@@ -131,20 +91,30 @@ impl Pixels<'_, '_> {
             let sample = self.brightest(&place)?;
             command = Some(self.replay(&place, sample));
         }
-        let outcome = match (share > SPOILT, own) {
-            (true, true) => Outcome::Fail,
-            (true, false) => Outcome::NotApplicable,
-            (false, _) => Outcome::Pass,
+        // What camera rays meet of lamps in mirrors and through glass is no photons' doing.
+        let are_glints = || {
+            let directly = Fireflies::of(series, |shot| &shot.spread);
+            name != Method::Path.name() && directly.light <= SPOILT * found.total
         };
-        let text = format!(
-            "{found} pixels of {} hold {} of the light; the brightest is {},{} of seed {}: {:.3e}",
-            images.len() * width * height,
+        let mut text = format!(
+            "{} pixels of {} hold {} of the light; the brightest is {},{} of seed {}: {:.3e}",
+            found.count,
+            series.shots.len() * first.image.pixels.len(),
             percent(share),
             place.x,
             place.y,
             place.seed,
             value / 3.0
         );
+        let outcome = match (share > SPOILT, own) {
+            (true, true) if are_glints() => {
+                text += "; these are glints in mirrors and glass, of which few samples tell";
+                Outcome::NotApplicable
+            }
+            (true, true) => Outcome::Fail,
+            (true, false) => Outcome::NotApplicable,
+            (false, _) => Outcome::Pass,
+        };
         Ok(Row { command, ..Row::new(test, outcome, text).with(share) })
     }
 
@@ -188,5 +158,74 @@ impl Pixels<'_, '_> {
             }
         }
         Ok(None)
+    }
+}
+
+fn test_of(name: &str) -> String {
+    format!("fireflies: {name}")
+}
+
+/// Whether a row says that fireflies spoil the pictures of this name.
+pub fn is_spoilt(row: &Row, name: &str) -> bool {
+    row.test == test_of(name) && row.number.is_some_and(|share| share > SPOILT)
+}
+
+/// Pixels that a single sample lights.
+struct Fireflies {
+    /// How many there are, in all pictures together.
+    count: u64,
+    /// Their light, and that of all pixels, all channels together.
+    light: f64,
+    total: f64,
+    /// The brightest of them, and its light.
+    brightest: Option<(f64, Place)>,
+}
+
+impl Fireflies {
+    /// Those of some part of all pictures.
+    fn of(series: &Series, part: impl Fn(&Shot) -> &Image) -> Fireflies {
+        let images: Vec<&Image> = series.shots.iter().map(part).collect();
+        let mut found = Fireflies { count: 0, light: 0.0, total: 0.0, brightest: None };
+        let [first, ..] = images[..] else { return found };
+        let (width, height) = (first.width, first.height);
+        let grey = |image: &Image, x: usize, y: usize| image.get(x, y).iter().map(|v| f64::from(*v)).sum::<f64>();
+        // Sums over all pictures.
+        let mut sums = vec![0.0; width * height];
+        for image in &images {
+            sums.iter_mut().enumerate().for_each(|(at, sum)| *sum += grey(image, at % width, at / width));
+        }
+        found.total = sums.iter().sum();
+        // What is darker than the picture is no firefly.
+        let usual_light = (found.total / (images.len() * width * height) as f64).max(f64::MIN_POSITIVE);
+        let part = |x: usize, y: usize, size: usize| {
+            let (x0, y0) = (x / size * size, y / size * size);
+            let (x1, y1) = ((x0 + size).min(width), (y0 + size).min(height));
+            (y0..y1).flat_map(|y| (x0..x1).map(move |x| y * width + x)).map(|at| sums[at]).sum::<f64>()
+        };
+        for (image, shot) in images.iter().zip(&series.shots) {
+            for y in 0..height {
+                for x in 0..width {
+                    let value = grey(image, x, y);
+                    if value < usual_light || value < SHARE * part(x, y, PART) {
+                        continue;
+                    }
+                    let (xs, ys) = (x.saturating_sub(1)..(x + 2).min(width), y.saturating_sub(1)..(y + 2).min(height));
+                    let near = xs.len() * ys.len();
+                    let around: f64 = ys
+                        .flat_map(|v| xs.clone().map(move |u| (u, v)))
+                        .map(|(u, v)| sums[v * width + u] - grey(image, u, v))
+                        .sum();
+                    let usual = around / (near * (images.len() - 1).max(1)) as f64;
+                    if value > BRIGHTER * usual {
+                        found.count += 1;
+                        found.light += value;
+                        if found.brightest.as_ref().is_none_or(|(most, _)| value > *most) {
+                            found.brightest = Some((value, Place { x, y, seed: shot.seed }));
+                        }
+                    }
+                }
+            }
+        }
+        found
     }
 }

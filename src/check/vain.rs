@@ -1,7 +1,10 @@
 //! What a scene asks in vain: lights that reach nothing, shapes and media that are never come to, names that are not used.
 
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+
 use super::names::Names;
-use super::probe::{Prober, Seen};
+use super::probe::{Met, Prober, Seen};
 use super::report::{Outcome, Row};
 use crate::light::Light;
 use crate::math::{DVec3, Ray, Stream};
@@ -71,13 +74,51 @@ pub fn rows(
             "are",
             media.into_iter().map(|name| format!("medium {name} is never entered")).collect(),
         ),
+        twice(scene, description, names),
         unused(description),
     ]
 }
 
+/// Lights that are said twice, and opaque or shining shapes where another is: these double the light, or hide each other.
+fn twice(scene: &Scene, description: &Description, names: &Names<'_>) -> Row {
+    const TEST: &str = "nothing is there twice";
+    let mut odd = Vec::new();
+    let mut lights = HashMap::new();
+    for light in &description.lights {
+        // Equal numbers read alike, wherever in the file they are.
+        match lights.entry(format!("{:?}", light.kind)) {
+            Entry::Occupied(first) => odd.push(format!("{} is the same as {}", light.place.key(), first.get())),
+            Entry::Vacant(free) => _ = free.insert(light.place.key()),
+        }
+    }
+    let mut shapes = HashMap::new();
+    let said = description.shapes.iter().filter(|shape| shape.visible).count();
+    for (id, surface) in (0..).zip(&scene.surfaces[..said.min(scene.surfaces.len())]) {
+        if !surface.material.is_opaque() && surface.light.is_none() {
+            continue;
+        }
+        // Surfaces on which the same numbers find the same points are one.
+        let points = [[0.3, 0.6], [0.8, 0.1]].map(|u| scene.geometry.sample_area(id, u).point);
+        match shapes.entry(points.map(|point| point.to_array().map(f64::to_bits))) {
+            Entry::Occupied(first) => odd.push(format!("{} is where {} is", names.shape(id), names.shape(*first.get()))),
+            Entry::Vacant(free) => _ = free.insert(id),
+        }
+    }
+    match odd.len() {
+        0 => Row::new(TEST, Outcome::Pass, "no light, and no shape that is opaque or shines").with(0.0),
+        n => Row::new(TEST, Outcome::Fail, some(&odd)).with(n as f64),
+    }
+}
+
 /// Whether any light of a light comes to what eyes come to.
 fn reaches(scene: &Scene, prober: &Prober<'_>, eyes: &Seen, beam: &Seen, light: u32) -> bool {
-    if eyes.lights.contains(&light) || eyes.met.intersection(&beam.met).next().is_some() {
+    let collided = |seen: &Seen, medium: u32| seen.met.iter().any(|met| matches!(met, Met::Medium(of, _) if *of == medium));
+    // In media so thin that none of the walks collides they would, sooner or later.
+    let thin = |medium: &&u32| scene.media[**medium as usize].scatters() && !collided(eyes, **medium) && !collided(beam, **medium);
+    if eyes.lights.contains(&light)
+        || eyes.met.intersection(&beam.met).next().is_some()
+        || eyes.media.intersection(&beam.media).find(thin).is_some()
+    {
         return true;
     }
     let of = &scene.lights[light as usize];

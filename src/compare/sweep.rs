@@ -46,7 +46,7 @@ impl Range {
             return Err("expected two finite numbers that differ".to_string());
         }
         let ratio = to / from;
-        let geometric = ratio > 0.0 && !(1.0 / NEAR..NEAR).contains(&ratio);
+        let geometric = ratio > 0.0 && ratio.is_finite() && !(1.0 / NEAR..NEAR).contains(&ratio);
         let last = points.max(2) - 1;
         let value = |k: u32| {
             let share = f64::from(k) / f64::from(last);
@@ -336,6 +336,8 @@ mod tests {
         assert_eq!(range([-1e4, -1.0], 5, false).values, [-1e4, -1e3, -100.0, -10.0, -1.0]);
         assert_eq!(range([1.0, 10.0], 30, true).values, (1..=10).map(f64::from).collect::<Vec<_>>());
         assert_eq!(range([0.0, 3.0], 2, true).values, [0.0, 3.0]);
+        assert_eq!(range([0.0, 1.0], 3, false).values, [0.0, 0.5, 1.0]);
+        assert_eq!(range([1e4, 0.0], 3, false).values, [1e4, 5e3, 0.0]);
         assert!(Range::new("a", [1.0, 1.0], 3, false).is_err() && Range::new("a", [0.0, f64::NAN], 3, false).is_err());
     }
 }

@@ -32,7 +32,8 @@ pub enum Stepping {
 pub struct Marcher {
     /// How long steps are.
     pub stepping: Stepping,
-    /// The smallest step, above 0; steps that must fill a segment are a little shorter.
+    /// The smallest step, above 0; steps that must fill a segment are a little shorter, and those of a segment that would take more
+    /// than some 100 000 are longer.
     pub size: f64,
 }
 
@@ -107,6 +108,9 @@ const COARSEST: f64 = 4.0;
 
 /// Random steps are no longer than this many times the smallest where the density varies: what lies beyond may be dense.
 const LONGEST: f64 = 8.0;
+
+/// No piece of a ray takes more steps than about this many, however short they are said to be: the sum is right on average for any size.
+const MOST_STEPS: f64 = 1e5;
 
 /// Knots between which exponential marching takes the transmittance for exponential.
 const KNOTS: usize = 128;
@@ -288,14 +292,16 @@ impl Marcher {
     ) -> [Rgb; N] {
         let mut sums = [Rgb::ZERO; N];
         let length = segment.b - segment.a;
+        let shortest = (length / MOST_STEPS).max(4.0 * f64::EPSILON * segment.b.abs());
+        let marcher = Marcher { size: self.size.max(shortest), ..*self };
         let mut roulette = Roulette { reached: 1.0 };
         let start = segment.transmitted(segment.depth(segment.a));
         if length.is_nan() || length <= 0.0 || !roulette.goes_on(start, stream) {
             return sums;
         }
-        match self.stepping {
+        match marcher.stepping {
             Stepping::Uniform => {
-                let count = (length / self.size).ceil().max(1.0);
+                let count = (length / marcher.size).ceil().max(1.0);
                 let u = stream.uniform();
                 let mut step = Step::new(segment, segment.a, segment.a);
                 for i in 1..=count as u64 {
@@ -310,7 +316,7 @@ impl Marcher {
             Stepping::Exponential => {
                 steps.tabulate(segment);
                 let mass = steps.knots.last().map_or(0.0, |knot| knot.mass);
-                let count = (mass / self.size).ceil().max(1.0);
+                let count = (mass / marcher.size).ceil().max(1.0);
                 let u = stream.uniform();
                 let mut step = Step::new(segment, segment.a, segment.a);
                 let mut knot = 1;
@@ -326,13 +332,13 @@ impl Marcher {
             }
             Stepping::Random => {
                 let even = segment.medium.density.is_even();
-                let longest = if even { f64::INFINITY } else { LONGEST * self.size };
+                let longest = if even { f64::INFINITY } else { LONGEST * marcher.size };
                 let extinction = segment.medium.extinction.max_element();
                 let mut step = Step::new(segment, segment.a, segment.a);
                 while step.ends[1] < segment.b && roulette.goes_on(segment.transmitted(step.depths[1]), stream) {
                     let from = step.ends[1];
                     let density = if even { 1.0 } else { segment.medium.density.at(segment.ray.at(from)) };
-                    let length = (stream.exponential() / (extinction * density)).clamp(self.size, longest);
+                    let length = (stream.exponential() / (extinction * density)).clamp(marcher.size, longest);
                     let end = (from + length).min(segment.b);
                     step = Step { ends: [from, end], depths: [step.depths[1], segment.depth(end)] };
                     let u = stream.uniform();
@@ -340,7 +346,7 @@ impl Marcher {
                 }
             }
             Stepping::Adaptive { contrast } => {
-                self.adapt(segment, contrast, &mut roulette, stream, source, &mut sums);
+                marcher.adapt(segment, contrast, &mut roulette, stream, source, &mut sums);
             }
         }
         sums
@@ -594,6 +600,28 @@ mod tests {
                 (mean - 1.0).abs().max_element() < 1e-9 && error.max_element() < 1e-7,
                 "{stepping:?} {mean} {error}"
             );
+        }
+    }
+
+    /// Steps too short to be taken, or even to be told from none, are longer.
+    #[test]
+    fn steps_however_short_are_bounded() {
+        let ray = Ray::new(DVec3::ZERO, DVec3::Z);
+        let medium = medium([0.7; 3], Density::Uniform);
+        for (a, b) in [(0.0, 4.0), (1e9, 1e9 + 1e-6)] {
+            let segment = MarchSegment { ray: &ray, from: a, a, b, medium: &medium, depth: None, weight: Rgb::ONE };
+            let expected = -(-0.7 * (b - a)).exp_m1() / 0.7;
+            for stepping in STEPPINGS {
+                let mut places = 0;
+                let marcher = Marcher { stepping, size: 1e-300 };
+                let mut stream = Stream::new(6, Purpose::Test, 0, 0);
+                let [found] = marcher.march(&segment, &mut stream, &mut Steps::default(), &mut |_, _| {
+                    places += 1;
+                    [Rgb::ONE]
+                });
+                assert!((found / expected - 1.0).abs().max_element() < 1e-2, "{stepping:?} {a}: {found}");
+                assert!(places < 1_000_000, "{stepping:?} {a}: {places} places");
+            }
         }
     }
 

@@ -37,7 +37,7 @@ pub use eye::{Claim, Component, Context, Eye, EyeSettings, Happening, Mode, Path
 pub use film::{Film, Layers, Sums};
 pub use forecast::{Bytes, Forecast, Item};
 pub use limits::Limits;
-pub use numbers::volume_photons;
+pub use numbers::{caustic_photons, global_photons, volume_photons};
 pub use pass::{End, Rendering, refine, refine_planned, render};
 pub use plan::Plan;
 pub use progress::{Progress, Silent};

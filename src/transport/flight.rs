@@ -145,47 +145,52 @@ fn track(
     mut tentative: impl FnMut(f64, Rgb, f64),
 ) -> Option<f64> {
     let sigma = medium.extinction;
-    let largest = sigma.max_element();
+    // Channels that carry nothing any more must not be waited for: one of them may be a billion times denser than the others.
+    let strongest = |weight: Rgb| Rgb::select(weight.cmpgt(Rgb::ZERO), sigma, Rgb::ZERO).max_element();
+    let mut largest = strongest(*weight);
     let mut collision = None;
     let mut target = stream.exponential();
-    let mut collides = |t: f64, density: f64, majorant: f64, stream: &mut Stream| {
+    // The largest extinction from there on, if it does not collide.
+    let mut passes = |t: f64, density: f64, mu: f64, stream: &mut Stream| {
         let extinction = sigma * density;
-        let mu = majorant * largest;
         tentative(t, *weight, density / mu);
         let real = ((shares(*weight) * extinction).element_sum() / mu).min(1.0);
         if stream.uniform() < real {
             *weight *= extinction / (mu * real);
-            return true;
+            return None;
         }
         *weight *= ((Rgb::ONE - extinction / mu) / (1.0 - real)).max(Rgb::ZERO);
-        false
+        Some(strongest(*weight))
     };
     grid.majorants(ray, a, b, |from, to, majorant| {
-        let mu = majorant * largest;
-        if mu <= 0.0 {
+        if majorant * largest <= 0.0 {
             return ControlFlow::Continue(());
         }
-        if (to - from) * mu > LABORIOUS {
+        if (to - from) * majorant * largest > LABORIOUS {
             grid.cells(ray, from, to, |cell| {
-                let depth = cell.integral() * largest;
+                let whole = cell.integral();
                 let mut passed = 0.0;
-                while passed + target < depth {
-                    passed += target;
+                while passed + target / largest < whole {
+                    passed += target / largest;
                     target = stream.exponential();
-                    let t = grid.within(ray, &cell, passed / largest);
+                    let t = grid.within(ray, &cell, passed);
                     let density = grid.at(ray.at(t));
-                    if density > 0.0 && collides(t, density, density, stream) {
-                        collision = Some(t);
-                        return ControlFlow::Break(());
+                    if density > 0.0 {
+                        let Some(left) = passes(t, density, density * largest, stream) else {
+                            collision = Some(t);
+                            return ControlFlow::Break(());
+                        };
+                        largest = left;
                     }
                 }
-                target -= depth - passed;
+                target -= (whole - passed) * largest;
                 ControlFlow::Continue(())
             });
             return if collision.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
         }
         let mut t = from;
         loop {
+            let mu = majorant * largest;
             let step = target / mu;
             if t + step >= to {
                 target -= (to - t) * mu;
@@ -197,10 +202,11 @@ fn track(
             if density > majorant * (1.0 + 1e-5) {
                 tally.violations += 1;
             }
-            if collides(t, density, majorant, stream) {
+            let Some(left) = passes(t, density, mu, stream) else {
                 collision = Some(t);
                 return ControlFlow::Break(());
-            }
+            };
+            largest = left;
         }
     });
     collision
@@ -391,8 +397,14 @@ mod tests {
         }
     }
 
-    const COLOURS: [Rgb; 4] =
-        [Rgb::splat(0.8), Rgb::new(0.05, 1.0, 0.3), Rgb::new(0.0, 0.7, 0.0), Rgb::new(0.002, 0.05, 2.0)];
+    /// Of the last, red ends at once, and nobody waits for it then.
+    const COLOURS: [Rgb; 5] = [
+        Rgb::splat(0.8),
+        Rgb::new(0.05, 1.0, 0.3),
+        Rgb::new(0.0, 0.7, 0.0),
+        Rgb::new(0.002, 0.05, 2.0),
+        Rgb::new(4e9, 0.5, 2.0),
+    ];
 
     #[test]
     fn flights_collide_as_extinction_says() {

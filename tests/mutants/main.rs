@@ -28,8 +28,24 @@ const MOST_HELD: usize = 1 << 30;
 /// Whoever takes longer and cannot be broken off ends the program.
 const DEADLINE: Duration = Duration::from_secs(300);
 
-/// What is under way, and since when.
-type UnderWay = Arc<Mutex<Option<(Instant, String)>>>;
+/// Who takes longer is told of, and kept.
+const SLOW: Duration = Duration::from_secs(10);
+
+/// The mutant that is under way, since when, and where it is to be kept.
+struct Case {
+    since: Instant,
+    what: String,
+    kept: PathBuf,
+    mutant: Vec<u8>,
+}
+
+impl Case {
+    fn keep(&self) {
+        fs::write(&self.kept, &self.mutant).unwrap();
+    }
+}
+
+type UnderWay = Arc<Mutex<Option<Case>>>;
 
 /// Makes mutants and counts what became of them.
 struct Laboratory {
@@ -49,10 +65,11 @@ impl Laboratory {
         let watched = Arc::downgrade(&under_way);
         std::thread::spawn(move || {
             while let Some(watched) = watched.upgrade() {
-                if let Some((since, what)) = &*watched.lock().unwrap()
-                    && since.elapsed() > DEADLINE
+                if let Some(case) = &*watched.lock().unwrap()
+                    && case.since.elapsed() > DEADLINE
                 {
-                    eprintln!("{what}: no end after {DEADLINE:?}");
+                    case.keep();
+                    eprintln!("{}, kept as {}: no end after {DEADLINE:?}", case.what, case.kept.display());
                     std::process::exit(101);
                 }
                 drop(watched);
@@ -74,10 +91,16 @@ impl Laboratory {
     /// What becomes of one mutant, whose bytes are kept if that is none of what may be.
     fn examine(&mut self, name: &str, number: u64, mutant: &[u8], work: impl FnOnce() -> Result<Outcome> + Send) {
         let what = format!("mutant {number} of {name}");
+        let kept = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{number}-{name}"));
         let start = Instant::now();
-        *self.under_way.lock().unwrap() = Some((start, what.clone()));
+        let case = Case { since: start, what: what.clone(), kept, mutant: mutant.to_vec() };
+        *self.under_way.lock().unwrap() = Some(case);
         let (ended, held) = self.pool.install(|| most_held(|| catch_unwind(AssertUnwindSafe(work))));
-        *self.under_way.lock().unwrap() = None;
+        let case = self.under_way.lock().unwrap().take().expect("it was under way");
+        if start.elapsed() > SLOW {
+            case.keep();
+            println!("{what}, kept as {}: takes {:.1?}", case.kept.display(), start.elapsed());
+        }
         if start.elapsed() > self.slowest.0 {
             self.slowest = (start.elapsed(), what.clone());
         }
@@ -92,9 +115,8 @@ impl Laboratory {
             Ok(Err(error)) if error.to_string().is_empty() => "is refused without a word".to_owned(),
             Ok(outcome) => return self.counts[usize::from(outcome.is_err())] += 1,
         };
-        let kept = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{number}-{name}"));
-        fs::write(&kept, mutant).unwrap();
-        println!("{what}, kept as {}: {failure}", kept.display());
+        case.keep();
+        println!("{what}, kept as {}: {failure}", case.kept.display());
         self.failures.push(format!("{what}: {failure}"));
     }
 
@@ -236,4 +258,22 @@ fn pictures_of_the_repositorys_mutants_are_sound_for_long() {
             laboratory.scenes(&name, text, path.parent().unwrap(), 20);
         }
     });
+}
+
+#[test]
+#[ignore = "tmp"]
+fn tmp_one() {
+    let name = std::env::var("TMP_NAME").unwrap();
+    let number: u64 = std::env::var("TMP_NUMBER").unwrap().parse().unwrap();
+    let text = SCENES.iter().find(|(n, _)| *n == name).unwrap().1;
+    let mutant = mutation::of_text(text, number);
+    let corpus = Corpus::new();
+    let folder = PathBuf::from("/tmp/mut/one");
+    fs::create_dir_all(&folder).unwrap();
+    for entry in fs::read_dir(corpus.folder.path()).unwrap() {
+        let path = entry.unwrap().path();
+        fs::copy(&path, folder.join(path.file_name().unwrap())).unwrap();
+    }
+    fs::write(folder.join(format!("{name}-{number}.toml")), &mutant).unwrap();
+    fs::write(folder.join(format!("{name}.toml")), text).unwrap();
 }
