@@ -12,7 +12,7 @@ use volpm::math::random::{Purpose, Stream};
 use crate::support::{ALL_SORTS, data};
 
 /// Scenes and features that are killed in turn: the scene's file, and what is set besides.
-const KILLED: [(&str, &[&str]); 10] = [
+const KILLED: [(&str, &[&str]); 11] = [
     ("all-sorts", &["--set", "render.method=photon"]),
     ("all-sorts", &["--set", "render.method=path", "--set", "film.layers=false"]),
     ("all-sorts", &["--set", "render.method=light"]),
@@ -21,6 +21,7 @@ const KILLED: [(&str, &[&str]); 10] = [
     ("all-sorts", &["--memory", "48MiB", "--set", "photons.volume=20000"]),
     ("scenes/jensen/box.toml", &["--set", "photons.global=3000", "--set", "surface.gather_rays=8"]),
     ("scenes/glass-ball.toml", &["--set", "photons.caustic=2000", "--set", "photons.global=2000"]),
+    ("scenes/marble-diffuse.toml", &["--set", "volume.estimate=point"]),
     ("scenes/stress/instances.toml", &["--set", "photons.density_control=true"]),
     ("scenes/cornell-fog.toml", &["--set", "surface.indirect=map", "--threads", "1"]),
 ];
@@ -45,7 +46,18 @@ fn succeeds(folder: &Path, arguments: &[&str]) -> Output {
 #[ignore = "minutes: cargo test --release --test promises killed_renders -- --ignored --nocapture"]
 fn killed_renders_go_on_as_if_nothing_had_been() {
     let number = |name: &str, default: u64| std::env::var(name).map_or(default, |text| text.parse().unwrap());
-    let (kills, mut dice) = (number("VOLPM_KILLS", 50), Stream::new(number("VOLPM_SEED", 1), Purpose::Test, 0, 2));
+    kill(number("VOLPM_KILLS", 50), number("VOLPM_SEED", 1), 2.0);
+}
+
+/// The same a few times, soon after the start.
+#[test]
+fn some_killed_renders_go_on() {
+    kill(4, 2, 0.6);
+}
+
+/// Kills renders so many times, each within so many seconds.
+fn kill(kills: u64, seed: u64, within: f64) {
+    let mut dice = Stream::new(seed, Purpose::Test, 0, 2);
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     fs::create_dir_all(at("reference")).unwrap();
@@ -75,7 +87,7 @@ fn killed_renders_go_on_as_if_nothing_had_been() {
             arguments.extend(["--resume", "kept"]);
         }
         let mut child = program(folder.path(), &arguments).spawn().unwrap();
-        std::thread::sleep(Duration::from_secs_f64(2.0 * dice.uniform()));
+        std::thread::sleep(Duration::from_secs_f64(within * dice.uniform()));
         assert_eq!(child.try_wait().unwrap(), None, "{arguments:?}: it ended by itself");
         child.kill().unwrap();
         child.wait().unwrap();

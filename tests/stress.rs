@@ -65,7 +65,7 @@ const ESTIMATORS: [&[&str]; 16] = [
     &[PHOTON, "volume.kernel=variable"],
     &[PHOTON, "volume.kernel=variable", "volume.boundaries=share", "volume.peaks=paths"],
     &[PHOTON, "volume.estimate=point", "volume.march.step=exponential"],
-    &[PHOTON, "volume.estimate=point", "volume.march.step=uniform", "volume.kernel=fixed"],
+    &[PHOTON, "volume.estimate=point", "volume.march.step=uniform"],
     &[PHOTON, "volume.estimate=point", "volume.march.step=adaptive"],
     &[PHOTON, "volume.estimate=point", "volume.march.step=random"],
     &[PHOTON, "volume.single_scattering=traced", "volume.march.step=adaptive"],
@@ -74,6 +74,17 @@ const ESTIMATORS: [&[&str]; 16] = [
     &[PHOTON, "surface.indirect=final_gather", "surface.irradiance_cache=false", "photons.importance=true"],
     &[PHOTON, "surface.indirect=final_gather", "surface.estimate=sheets", "surface.shadow_photons=true"],
     &[PHOTON, "render.passes=3", "photons.density_control=true"],
+];
+
+/// Those that find the light of media each in a way of its own.
+const LIGHT_OF_MEDIA: [&[&str]; 7] = [
+    &[PATH],
+    &["render.method=light", "render.samples=256"],
+    &[PHOTON],
+    &[PHOTON, "volume.kernel=fixed"],
+    &[PHOTON, "volume.estimate=point"],
+    &[PHOTON, "volume.estimate=point", "volume.march.step=adaptive"],
+    &[PHOTON, "volume.single_scattering=traced", "volume.march.step=random"],
 ];
 
 #[track_caller]
@@ -104,8 +115,8 @@ fn every_stress_scene_is_finite_or_refused() {
             }
         }
         // By all there is, small.
-        let small = ["film.width=6", "film.height=6", "render.samples=4", "photons.volume=1000"];
-        let small = [&small[..], &["photons.global=500", "photons.caustic=500", "photons.max_emitted=100000"]].concat();
+        let small = ["film.width=6", "film.height=6", "render.samples=2", "photons.volume=500"];
+        let small = [&small[..], &["photons.global=300", "photons.caustic=300", "photons.max_emitted=20000"]].concat();
         let bounded: &[&str] = if without_end { &["render.max_depth=3"] } else { &[] };
         for estimator in ESTIMATORS {
             outcome(&name, &[&small, bounded, estimator].concat());
@@ -217,11 +228,14 @@ fn smoke_is_seen_from_afar() {
 
 #[test]
 fn light_grows_with_a_small_optical_depth() {
-    for method in [PATH, PHOTON] {
-        let at = |sigma: f64| outcome("thin", &[method, &format!("media.smoke.sigma_t={sigma:e}")]).mean[0] / sigma;
+    for estimator in LIGHT_OF_MEDIA {
+        let at = |sigma: f64| {
+            let sigma_t = format!("media.smoke.sigma_t={sigma:e}");
+            outcome("thin", &[&[sigma_t.as_str()], estimator].concat()).mean[0] / sigma
+        };
         let reference = at(1e-6);
         for sigma in [1e-8, 1e-4] {
-            assert_near(&format!("{method}, sigma_t {sigma:e}"), at(sigma), reference, 0.01);
+            assert_near(&format!("{estimator:?}, sigma_t {sigma:e}"), at(sigma), reference, 0.01);
         }
     }
 }
@@ -389,12 +403,12 @@ fn size_and_place_of_a_scene_do_not_matter() {
             format!("media.smoke.sigma_t={}", 2.0 / size),
         ];
         let overrides: Vec<&str> = overrides.iter().map(String::as_str).collect();
-        [PATH, PHOTON].map(|method| outcome("coincident", &[&overrides[..], &[method]].concat()).mean[0])
+        LIGHT_OF_MEDIA.map(|estimator| outcome("coincident", &[&overrides[..], estimator].concat()).mean[0])
     };
     let reference = render(1.0, 0.0);
     for (size, place) in [(1e-4, 0.0), (1e4, 0.0), (1.0, 1e5)] {
-        for (found, expected) in render(size, place).into_iter().zip(reference) {
-            assert_near(&format!("size {size}, place {place}"), found, expected, 0.01);
+        for ((found, expected), estimator) in render(size, place).into_iter().zip(reference).zip(LIGHT_OF_MEDIA) {
+            assert_near(&format!("size {size}, place {place}, {estimator:?}"), found, expected, 0.01);
         }
     }
 }
@@ -424,6 +438,35 @@ fn written(folder: &tempfile::TempDir, name: &str, shapes: &str) -> String {
     let path = folder.path().join(name).with_extension("toml");
     std::fs::write(&path, format!("{LAMP}{shapes}")).unwrap();
     path.to_str().unwrap().to_owned()
+}
+
+/// However far away the camera stands, a lens as much longer sees the same; thousands of uneven layers of voxels are on each ray's way.
+#[test]
+fn from_afar_a_scene_looks_the_same() {
+    const LAYERS: usize = 3000;
+    let folder = tempfile::tempdir().unwrap();
+    let mut head = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({LAYERS}, 2, 2), }}");
+    head += &" ".repeat(128 - 10 - head.len() - 1);
+    let mut grid = [b"\x93NUMPY\x01\x00\x76\x00", head.as_bytes(), b"\n"].concat();
+    for layer in 0..LAYERS {
+        let density = 1.0 + (0.01 * layer as f32).sin() + if layer % 7 == 0 { 3.0 } else { 0.0 };
+        (0..4).for_each(|_| grid.extend(density.to_le_bytes()));
+    }
+    std::fs::write(folder.path().join("layers.npy"), grid).unwrap();
+    let solid = "[[shapes]]\ntype = \"box\"\nmin = [-1, -1, -1]\nmax = [1, 1, 1]\ninterior = \"fog\"\n";
+    let scene = written(&folder, "layers", solid);
+    let density = "media.fog.density={ type = \"array\", file = \"layers.npy\", min = [-1, -1, -1], max = [1, 1, 1] }";
+    let from = |distance: f64, estimator: &[&str]| {
+        let lens = format!("camera.fov={}", 2.0 * (1.6 / distance).atan().to_degrees());
+        let place = format!("camera.position=[0, 0, {distance}]");
+        let small = [density, "media.fog.sigma_t=0.8", "photons.volume=2000", "render.samples=12"];
+        outcome(&scene, &[&small[..], &[lens.as_str(), place.as_str()], estimator].concat()).mean[0]
+    };
+    for estimator in LIGHT_OF_MEDIA {
+        let far = from(600.0, estimator);
+        assert_near(&format!("{estimator:?}, closer"), from(60.0, estimator), far, 0.04);
+        assert_near(&format!("{estimator:?}, farther"), from(6000.0, estimator), far, 0.02);
+    }
 }
 
 /// Discs and balls wider than the solids that photons lie in give these their light, be there sixty photons in each or seven.

@@ -353,8 +353,8 @@ impl PointMap {
     fn nearest<L: Lanes>(&self, x: Vec3, lanes: &[L; 3], n: usize, memory: &mut PointMemory) -> f32 {
         let (least, cap) = (self.limits.least(x), self.limits.cap);
         let (least, cap) = (least * least, (cap * cap).min(f32::MAX));
-        // Room for whole rows: n numbers, those that come before the list is shortened, and a vector.
-        let rows = (KEPT / LANES).max(2 * n.div_ceil(LANES)) + 2;
+        // Room for whole rows: n numbers, those that come before the list is shortened, and a vector; no more than all there are.
+        let rows = (KEPT / LANES).max((2 * n.div_ceil(LANES)).min(self.photons.div_ceil(LANES))) + 2;
         if memory.distances.len() < rows {
             memory.distances.resize(rows, Row([0.0; LANES]));
         }
@@ -719,6 +719,7 @@ mod tests {
                 (nearest(count.max(2), 3.0 * size.max(1.0)), 1.0),
                 (nearest(count / 3 + 2, f32::INFINITY), 1.0),
                 (nearest(count + 2, f32::INFINITY), 1.0),
+                (nearest(u32::MAX, 3.0 * size.max(1.0)), 1.0),
             ];
             for (case, (ball, scale)) in all.into_iter().enumerate() {
                 let settings = PointSettings { scale, ..PointSettings::new(ball) };

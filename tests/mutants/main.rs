@@ -31,19 +31,13 @@ const DEADLINE: Duration = Duration::from_secs(300);
 /// Who takes longer is told of, and kept.
 const SLOW: Duration = Duration::from_secs(10);
 
-/// The mutant that is under way, since when, and where it is to be kept.
+/// The mutant that is under way, since when, and where it is kept.
 struct Case {
     since: Instant,
     what: String,
     kept: PathBuf,
-    mutant: Vec<u8>,
 }
 
-impl Case {
-    fn keep(&self) {
-        fs::write(&self.kept, &self.mutant).unwrap();
-    }
-}
 
 type UnderWay = Arc<Mutex<Option<Case>>>;
 
@@ -68,7 +62,6 @@ impl Laboratory {
                 if let Some(case) = &*watched.lock().unwrap()
                     && case.since.elapsed() > DEADLINE
                 {
-                    case.keep();
                     eprintln!("{}, kept as {}: no end after {DEADLINE:?}", case.what, case.kept.display());
                     std::process::exit(101);
                 }
@@ -93,12 +86,13 @@ impl Laboratory {
         let what = format!("mutant {number} of {name}");
         let kept = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{number}-{name}"));
         let start = Instant::now();
-        let case = Case { since: start, what: what.clone(), kept, mutant: mutant.to_vec() };
-        *self.under_way.lock().unwrap() = Some(case);
+        // Even if the program is ended.
+        fs::write(&kept, mutant).unwrap();
+        *self.under_way.lock().unwrap() = Some(Case { since: start, what: what.clone(), kept });
         let (ended, held) = self.pool.install(|| most_held(|| catch_unwind(AssertUnwindSafe(work))));
         let case = self.under_way.lock().unwrap().take().expect("it was under way");
-        if start.elapsed() > SLOW {
-            case.keep();
+        let is_slow = start.elapsed() > SLOW;
+        if is_slow {
             println!("{what}, kept as {}: takes {:.1?}", case.kept.display(), start.elapsed());
         }
         if start.elapsed() > self.slowest.0 {
@@ -113,9 +107,13 @@ impl Laboratory {
             Ok(_) if held > MOST_HELD => format!("takes {} MiB", held >> 20),
             Ok(Ok(Outcome::Late)) => format!("takes longer than {LONGEST:?}"),
             Ok(Err(error)) if error.to_string().is_empty() => "is refused without a word".to_owned(),
-            Ok(outcome) => return self.counts[usize::from(outcome.is_err())] += 1,
+            Ok(outcome) => {
+                if !is_slow {
+                    fs::remove_file(&case.kept).unwrap();
+                }
+                return self.counts[usize::from(outcome.is_err())] += 1;
+            }
         };
-        case.keep();
         println!("{what}, kept as {}: {failure}", case.kept.display());
         self.failures.push(format!("{what}: {failure}"));
     }
@@ -258,22 +256,4 @@ fn pictures_of_the_repositorys_mutants_are_sound_for_long() {
             laboratory.scenes(&name, text, path.parent().unwrap(), 20);
         }
     });
-}
-
-#[test]
-#[ignore = "tmp"]
-fn tmp_one() {
-    let name = std::env::var("TMP_NAME").unwrap();
-    let number: u64 = std::env::var("TMP_NUMBER").unwrap().parse().unwrap();
-    let text = SCENES.iter().find(|(n, _)| *n == name).unwrap().1;
-    let mutant = mutation::of_text(text, number);
-    let corpus = Corpus::new();
-    let folder = PathBuf::from("/tmp/mut/one");
-    fs::create_dir_all(&folder).unwrap();
-    for entry in fs::read_dir(corpus.folder.path()).unwrap() {
-        let path = entry.unwrap().path();
-        fs::copy(&path, folder.join(path.file_name().unwrap())).unwrap();
-    }
-    fs::write(folder.join(format!("{name}-{number}.toml")), &mutant).unwrap();
-    fs::write(folder.join(format!("{name}.toml")), text).unwrap();
 }
