@@ -79,7 +79,7 @@ const ESTIMATORS: [&[&str]; 16] = [
 /// Those that find the light of media each in a way of its own.
 const LIGHT_OF_MEDIA: [&[&str]; 7] = [
     &[PATH],
-    &["render.method=light", "render.samples=256"],
+    &["render.method=light", "render.samples=64"],
     &[PHOTON],
     &[PHOTON, "volume.kernel=fixed"],
     &[PHOTON, "volume.estimate=point"],
@@ -409,6 +409,42 @@ fn size_and_place_of_a_scene_do_not_matter() {
     for (size, place) in [(1e-4, 0.0), (1e4, 0.0), (1.0, 1e5)] {
         for ((found, expected), estimator) in render(size, place).into_iter().zip(reference).zip(LIGHT_OF_MEDIA) {
             assert_near(&format!("size {size}, place {place}, {estimator:?}"), found, expected, 0.01);
+        }
+    }
+}
+
+/// A room of all simple shapes far from the origin of its file's coordinates, which have few digits there.
+#[test]
+fn a_room_far_away_is_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    let render = |place: f64, estimator: &[&str]| {
+        let at = |x: f64, y: f64, z: f64| format!("[{}, {}, {}]", place + x, place + y, place + z);
+        let shapes = format!(
+            "[materials.white]\ntype = \"lambert\"\nreflectance = 0.6\n\
+             [[shapes]]\ntype = \"box\"\nmin = {}\nmax = {}\nmaterial = \"white\"\n\
+             [[shapes]]\ntype = \"sphere\"\ncenter = {}\nradius = 0.7\ninterior = \"fog\"\n\
+             [[shapes]]\ntype = \"cylinder\"\nbase = {}\ntop = {}\nradius = 0.4\nmaterial = \"white\"\n\
+             [[shapes]]\ntype = \"disk\"\ncenter = {}\nnormal = [0, 1, 0]\nradius = 0.5\nmaterial = \"white\"\n\
+             [[shapes]]\ntype = \"quad\"\norigin = {}\nedge_u = [1, 0, 0]\nedge_v = [0, 0, 1]\nemission = {{ radiance = 9 }}\n",
+            at(-3.0, -1.5, -3.0),
+            at(3.0, 3.5, 6.0),
+            at(0.4, 0.0, 0.0),
+            at(-1.5, -1.5, -1.0),
+            at(-1.5, 0.2, -1.0),
+            at(1.8, -0.5, 1.0),
+            at(-0.5, 3.4, 0.5)
+        );
+        let scene = written(&folder, "room", &shapes);
+        let (stand, target, lamp) = (at(0.0, 0.0, 5.0), at(0.0, 0.0, 0.0), at(2.0, 3.0, 2.0));
+        let moved = [("camera.position", stand), ("camera.target", target), ("lights.0.position", lamp)];
+        let moved = moved.map(|(key, place)| format!("{key}={place}"));
+        let moved: Vec<&str> = moved.iter().map(String::as_str).collect();
+        outcome(&scene, &[&moved[..], &["photons.volume=4000", "render.samples=16"], estimator].concat()).mean[0]
+    };
+    for estimator in [&[PATH][..], &["render.method=light"], &[PHOTON], &[PHOTON, "surface.indirect=path"]] {
+        let near = render(0.0, estimator);
+        for place in [1e4, 1e6] {
+            assert_near(&format!("{estimator:?} at {place}"), render(place, estimator), near, 0.01);
         }
     }
 }

@@ -31,6 +31,12 @@ impl Cuboid {
         Ok(Cuboid { bounds: Bounds { min, max } })
     }
 
+    /// This, `by` further on.
+    pub(super) fn moved(self, by: DVec3) -> Self {
+        let Bounds { min, max } = self.bounds;
+        Cuboid { bounds: Bounds { min: min + by, max: max + by } }
+    }
+
     pub(super) fn bounds(&self, m: &DAffine3) -> Bounds {
         self.bounds.transformed(m)
     }

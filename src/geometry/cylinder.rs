@@ -44,6 +44,11 @@ impl Cylinder {
         (self.base, [self.radius * self.frame.x, self.radius * self.frame.y], self.height * self.frame.z)
     }
 
+    /// This, `by` further on.
+    pub(super) fn moved(self, by: DVec3) -> Self {
+        Cylinder { base: self.base + by, ..self }
+    }
+
     pub(super) fn bounds(&self, m: &DAffine3) -> Bounds {
         let (base, radii, axis) = self.axes();
         let radii = radii.map(|a| m.transform_vector3(a));

@@ -33,6 +33,11 @@ impl Disk {
         (self.center, [self.radius * self.frame.x, self.radius * self.frame.y])
     }
 
+    /// This, `by` further on.
+    pub(super) fn moved(self, by: DVec3) -> Self {
+        Disk { center: self.center + by, ..self }
+    }
+
     pub(super) fn bounds(&self, m: &DAffine3) -> Bounds {
         let (center, radii) = self.radii();
         bounds_about(m.transform_point3(center), &radii.map(|a| m.transform_vector3(a)))

@@ -23,10 +23,15 @@ pub enum Shape {
     Mesh(Arc<Mesh>),
 }
 
+/// A shape that is this many times farther from its own origin than it reaches from the world's is kept about the world's.
+const FAR: f64 = 16.0;
+
 /// A shape at its place in the world.
 #[derive(Clone, Debug)]
 pub struct Placed {
     shape: Shape,
+    /// Where the shape's space has the origin of object space's.
+    moved: DVec3,
     to_world: DAffine3,
     to_local: DAffine3,
     identity: bool,
@@ -45,6 +50,27 @@ pub(super) struct Surface {
     pub normal: DVec3,
     pub shading_normal: DVec3,
     pub uv: [f64; 2],
+}
+
+impl Shape {
+    /// This, moved to the world's origin where it is far from its own, whose coordinates would have too few digits there; and by how much. `origin` is the world's.
+    fn about(self, origin: DVec3) -> (Shape, DVec3) {
+        let Bounds { min, max } = self.bounds(&DAffine3::IDENTITY);
+        let reach = (min - origin).abs().max((max - origin).abs()).max_element();
+        if origin.abs().max_element() <= FAR * reach {
+            return (self, DVec3::ZERO);
+        }
+        let moved = match self {
+            Shape::Sphere(s) => Shape::Sphere(s.moved(-origin)),
+            Shape::Cuboid(c) => Shape::Cuboid(c.moved(-origin)),
+            Shape::Quad(q) => Shape::Quad(q.moved(-origin)),
+            Shape::Disk(d) => Shape::Disk(d.moved(-origin)),
+            Shape::Cylinder(c) => Shape::Cylinder(c.moved(-origin)),
+            // Their numbers are those of a file or a profile.
+            Shape::Lathe(_) | Shape::Mesh(_) => return (self, DVec3::ZERO),
+        };
+        (moved, -origin)
+    }
 }
 
 impl Placed {
@@ -68,6 +94,9 @@ impl Placed {
         let scale = product.cbrt();
         let gram = m.transpose() * m - DMat3::from_diagonal(DVec3::splat(scale * scale));
         let similarity = gram.to_cols_array().iter().all(|x| x.abs() <= 1e-12 * scale * scale).then_some(scale);
+        let (shape, moved) = shape.about(to_local.transform_point3(DVec3::ZERO));
+        let to_world = to_world * DAffine3::from_translation(-moved);
+        let to_local = if moved == DVec3::ZERO { to_local } else { to_world.inverse() };
         let mut placed = Placed {
             turn: if matches!(shape, Shape::Quad(_)) { determinant.signum() } else { 1.0 },
             bounds: shape.bounds(&to_world),
@@ -76,6 +105,7 @@ impl Placed {
             volume_ratio: determinant.abs(),
             area: 0.0,
             shape,
+            moved,
             to_world,
             to_local,
         };
@@ -90,17 +120,17 @@ impl Placed {
         Ok(placed)
     }
 
-    /// The shape, in its own space.
+    /// The shape, in its own space: object space, or that moved nearer.
     pub fn shape(&self) -> &Shape {
         &self.shape
     }
 
-    /// From object space to the world.
+    /// From the shape's space to the world.
     pub fn to_world(&self) -> &DAffine3 {
         &self.to_world
     }
 
-    /// From the world to object space.
+    /// From the world to the shape's space.
     pub fn to_local(&self) -> &DAffine3 {
         &self.to_local
     }
@@ -234,6 +264,7 @@ impl Placed {
 
     /// ∂p/∂u and ∂p/∂v in object space at a point of the surface there.
     pub(super) fn tangents(&self, p: DVec3, primitive: u32) -> [DVec3; 2] {
+        let p = p + self.moved;
         match &self.shape {
             Shape::Sphere(s) => s.tangents(p),
             Shape::Cuboid(c) => c.tangents(primitive),
@@ -252,7 +283,7 @@ impl Placed {
 
     /// A point of the world in object space.
     pub(super) fn to_object(&self, p: DVec3) -> DVec3 {
-        if self.identity { p } else { self.to_local.transform_point3(p) }
+        if self.identity { p } else { self.to_local.transform_point3(p) - self.moved }
     }
 
     /// With a shading normal in object space, brought to the side of `normal`.

@@ -39,6 +39,11 @@ impl Quad {
         Ok(quad)
     }
 
+    /// This, `by` further on.
+    pub(super) fn moved(self, by: DVec3) -> Self {
+        Quad { origin: self.origin + by, ..self }
+    }
+
     pub(super) fn bounds(&self, m: &DAffine3) -> Bounds {
         let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]];
         Bounds::of_points(corners.map(|u| m.transform_point3(self.sample(u))))

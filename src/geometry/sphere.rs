@@ -34,6 +34,11 @@ impl Sphere {
         self.radius
     }
 
+    /// This, `by` further on.
+    pub(super) fn moved(self, by: DVec3) -> Self {
+        Sphere { center: self.center + by, ..self }
+    }
+
     pub(super) fn bounds(&self, m: &DAffine3) -> Bounds {
         bounds_about(m.transform_point3(self.center), &DVec3::AXES.map(|a| m.transform_vector3(self.radius * a)))
     }

@@ -126,6 +126,9 @@ impl<'s> VolumeQuota<'s> {
     }
 }
 
+/// Pilots note no more photons than this of a chunk: a single walk in dense matter that loses nothing may leave a hundred million.
+const MOST_NOTED: usize = 1 << 20;
+
 /// Whether photons deep in a medium are left out of the volume map, as they are not seen: it does not hold all light.
 pub(crate) fn leaves_out_deep(scene: &Scene, medium: u32) -> bool {
     VolumeQuota::new(scene, SingleScattering::Photons).is_deep(medium)
@@ -274,11 +277,12 @@ impl VolumeSink {
     }
 
     fn push(&mut self, quota: &VolumeQuota<'_>, region: u32, photon: Photon, scattered: Vec3) {
-        if quota.notes {
+        self.stored += 1;
+        let is_noted = quota.notes && self.photons.len() < MOST_NOTED;
+        if is_noted {
             self.powers.push(f64::from(scattered.element_sum()));
         }
-        self.stored += 1;
-        if !quota.counts || quota.notes {
+        if !quota.counts || is_noted {
             self.photons.push((region, photon));
         }
     }
