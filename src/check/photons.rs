@@ -220,10 +220,16 @@ pub fn quality(bench: &Bench<'_>, settings: &Settings, own: &Variant) -> Vec<Row
     // What camera rays meet of lamps in mirrors and through glass is noise of theirs.
     if noisy.outcome == Outcome::Fail && direct.noise() / wide.level() * scale[0] <= NOISY {
         noisy.outcome = Outcome::NotApplicable;
-        noisy.found += "; it is in what is seen in mirrors and through glass, where glints of lamps are noise of samples";
+        noisy.found +=
+            "; it is in what is seen in mirrors and through glass, where glints of lamps are noise of samples";
     }
     vec![
-        limited(BLUR, [blur * third(many).powi(2), blur * third(few)], BLURRED, "of the light, root mean square over blocks"),
+        limited(
+            BLUR,
+            [blur * third(many).powi(2), blur * third(few)],
+            BLURRED,
+            "of the light, root mean square over blocks",
+        ),
         noisy,
     ]
 }

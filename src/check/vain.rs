@@ -100,7 +100,9 @@ fn twice(scene: &Scene, description: &Description, names: &Names<'_>) -> Row {
         // Surfaces on which the same numbers find the same points are one.
         let points = [[0.3, 0.6], [0.8, 0.1]].map(|u| scene.geometry.sample_area(id, u).point);
         match shapes.entry(points.map(|point| point.to_array().map(f64::to_bits))) {
-            Entry::Occupied(first) => odd.push(format!("{} is where {} is", names.shape(id), names.shape(*first.get()))),
+            Entry::Occupied(first) => {
+                odd.push(format!("{} is where {} is", names.shape(id), names.shape(*first.get())))
+            }
             Entry::Vacant(free) => _ = free.insert(id),
         }
     }
@@ -112,9 +114,12 @@ fn twice(scene: &Scene, description: &Description, names: &Names<'_>) -> Row {
 
 /// Whether any light of a light comes to what eyes come to.
 fn reaches(scene: &Scene, prober: &Prober<'_>, eyes: &Seen, beam: &Seen, light: u32) -> bool {
-    let collided = |seen: &Seen, medium: u32| seen.met.iter().any(|met| matches!(met, Met::Medium(of, _) if *of == medium));
+    let collided =
+        |seen: &Seen, medium: u32| seen.met.iter().any(|met| matches!(met, Met::Medium(of, _) if *of == medium));
     // In media so thin that none of the walks collides they would, sooner or later.
-    let thin = |medium: &&u32| scene.media[**medium as usize].scatters() && !collided(eyes, **medium) && !collided(beam, **medium);
+    let thin = |medium: &&u32| {
+        scene.media[**medium as usize].scatters() && !collided(eyes, **medium) && !collided(beam, **medium)
+    };
     if eyes.lights.contains(&light)
         || eyes.met.intersection(&beam.met).next().is_some()
         || eyes.media.intersection(&beam.media).find(thin).is_some()

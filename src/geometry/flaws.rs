@@ -127,7 +127,8 @@ mod tests {
     #[test]
     fn the_end_of_a_sheet_is_no_hole() {
         const SIDE: u32 = 12;
-        let corners = (0..=SIDE).flat_map(|y| (0..=SIDE).map(move |x| Vec3::new(x as f32, y as f32, (x * y % 5) as f32)));
+        let corners =
+            (0..=SIDE).flat_map(|y| (0..=SIDE).map(move |x| Vec3::new(x as f32, y as f32, (x * y % 5) as f32)));
         let corners: Vec<Vec3> = corners.collect();
         let cell = |x: u32, y: u32| {
             let a = y * (SIDE + 1) + x;

@@ -38,7 +38,6 @@ struct Case {
     kept: PathBuf,
 }
 
-
 type UnderWay = Arc<Mutex<Option<Case>>>;
 
 /// Makes mutants and counts what became of them.
