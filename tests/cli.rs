@@ -642,4 +642,47 @@ fn plans_and_manuals_are_printed() {
         assert_eq!(done.status.code(), Some(0), "{key}: {}", text(&done.stderr));
         assert!(text(&done.stdout).contains(expected), "{key}: {}", text(&done.stdout));
     }
+    let schema = run(folder.path(), &["schema"]);
+    let schema: Value = serde_json::from_slice(&schema.stdout).unwrap();
+    assert_eq!(schema["definitions"]["volume"]["properties"]["neighbours"]["minimum"], 1);
+    for (asked, expected) in [
+        (&["completions", "bash"][..], "volume.neighbours"),
+        (&["completions", "zsh"], "--target-error"),
+        (&["man"], ".TH volpm 1"),
+        (&["man", "render"], "target\\-error"),
+        (&["man", "scene"], "\\fBneighbours\\fR"),
+    ] {
+        let done = run(folder.path(), asked);
+        assert_eq!(done.status.code(), Some(0), "{asked:?}: {}", text(&done.stderr));
+        assert!(text(&done.stdout).contains(expected), "{asked:?}: {}", text(&done.stdout));
+    }
+}
+
+/// A warning shows the line that it is about, and is an error to every command that reads a scene and is asked for that.
+#[test]
+fn warnings_show_their_line_and_may_be_errors() {
+    let folder = tempfile::tempdir().unwrap();
+    let sun = "[[lights]]\ntype = \"directional\"\ndirection = [0, -1, 0]\nirradiance = 1\n";
+    let fog = "[media.fog]\nsigma_s = 0.1\nsigma_a = 0.1\n[world]\nmedium = \"fog\"\n";
+    let small = "[film]\nwidth = 4\nheight = 4\n[render]\nmethod = \"path\"\nsamples = 1\n";
+    let camera = "[camera]\nposition = [0, 0, 5]\ntarget = [0, 0, 0]\n";
+    fs::write(folder.path().join("sun.toml"), format!("{sun}{fog}{small}{camera}")).unwrap();
+    let shown = "sun.toml:1:1: lights.0: light from infinity does not get through";
+    let line = "    [[lights]]\n    ^\n";
+    let commands: [&[&str]; 5] = [
+        &["render", "sun.toml", "-o", "sun.pfm"],
+        &["plan", "sun.toml"],
+        &["info", "sun.toml"],
+        &["check", "sun.toml", "--time", "1s"],
+        &["compare", "sun.toml", "-o", "compared", "--estimates", "path", "--samples", "1", "--reference-time", "1s"],
+    ];
+    for command in commands {
+        let done = run(folder.path(), command);
+        let said = text(&done.stderr) + &text(&done.stdout);
+        assert!(done.status.code() != Some(2) && said.contains(shown), "{command:?}: {said}");
+        let strict = run(folder.path(), &[command, &["--strict"]].concat());
+        let said = text(&strict.stderr);
+        assert_eq!(strict.status.code(), Some(2), "{command:?}: {said}");
+        assert!(said.contains(shown) && said.contains(line) && said.contains("(warnings are errors"), "{said}");
+    }
 }

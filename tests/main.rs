@@ -26,6 +26,8 @@ mod kinds;
 mod light_tracing;
 mod many_lights;
 mod materials;
+#[cfg(feature = "cli")]
+mod pages;
 mod panes;
 mod passes;
 mod peaks;

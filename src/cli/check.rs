@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use clap::Args;
 
+use super::planned::refuse;
 use super::progress::Bar;
 use super::values;
 use crate::check::{self, Outcome, Report, Request};
@@ -38,6 +39,9 @@ pub struct Arguments {
     /// Prints the results as JSON instead of a table.
     #[arg(long)]
     json: bool,
+    /// Warnings are errors, once the results are printed.
+    #[arg(long)]
+    strict: bool,
     /// No progress and no messages but errors.
     #[arg(short, long)]
     quiet: bool,
@@ -54,12 +58,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let report = pool.install(|| check::run(&request, &teller, &stop));
     teller.bar.finish();
     let report = report?;
-    if !arguments.quiet {
+    if !arguments.quiet && !arguments.strict {
         report.warnings.iter().for_each(|warning| super::tell(format_args!("warning: {warning}")));
     }
     super::print(&if arguments.json { super::json(&report)? } else { table(&report) })?;
     match report.count(Outcome::Fail) {
         _ if !report.complete => Err(Error::Interrupted),
+        0 if arguments.strict => refuse(&report.warnings),
         0 => Ok(()),
         1 => Err(Error::Doubt("one row failed".to_string())),
         rows => Err(Error::Doubt(format!("{rows} rows failed"))),

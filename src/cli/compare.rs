@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use clap::Args;
 
+use super::planned::refuse;
 use super::progress::Bar;
 use super::values;
 use crate::compare::results::{BudgetKind, Budgets, Results};
@@ -81,6 +82,9 @@ pub struct Arguments {
     /// Prints the results as JSON instead of a table.
     #[arg(long)]
     json: bool,
+    /// Warnings are errors, once the results are printed.
+    #[arg(long)]
+    strict: bool,
     /// No progress and no messages but errors.
     #[arg(short, long)]
     quiet: bool,
@@ -102,13 +106,16 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     teller.bar.finish();
     let results = results?;
     if !arguments.quiet {
-        results.warnings.iter().for_each(|warning| super::tell(format_args!("warning: {warning}")));
+        if !arguments.strict {
+            results.warnings.iter().for_each(|warning| super::tell(format_args!("warning: {warning}")));
+        }
         for variant in &results.variants {
             variant.notes.iter().for_each(|note| super::tell(format_args!("{}: {note}", variant.name)));
         }
     }
     super::print(&if arguments.json { super::json(&results)? } else { table(&results) })?;
-    interrupted_unless(results.complete, arguments)
+    interrupted_unless(results.complete, arguments)?;
+    if arguments.strict { refuse(&results.warnings) } else { Ok(()) }
 }
 
 /// Says of what is not complete that it goes on.

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::{Value, json};
 
+use super::planned::refuse;
 use crate::geometry::Mesh;
 use crate::image::{self, Attribute, LayerData};
 use crate::medium::Phases;
@@ -21,6 +22,9 @@ pub struct Arguments {
     /// As JSON.
     #[arg(long)]
     json: bool,
+    /// Warnings of a scene are errors.
+    #[arg(long)]
+    strict: bool,
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
@@ -31,7 +35,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         ending => ending.unwrap_or_default(),
     };
     let facts = match ending.as_str() {
-        "toml" => scene_facts(path)?,
+        "toml" => scene_facts(path, arguments.strict)?,
         "vdb" => vdb_facts(path)?,
         "npy" => npy_facts(path)?,
         "obj" | "obj.gz" => mesh_facts(path)?,
@@ -235,9 +239,12 @@ fn image_facts(path: &Path) -> Result<Value> {
     Ok(facts)
 }
 
-fn scene_facts(path: &Path) -> Result<Value> {
+fn scene_facts(path: &Path, strict: bool) -> Result<Value> {
     let description = scene::read(path, &[])?;
     let (scene, settings) = scene::build(&description)?;
+    if strict {
+        refuse(&scene.warnings)?;
+    }
     let bounds = scene.bounds();
     let media: Vec<Value> = scene
         .media

@@ -32,11 +32,16 @@ fn entry(section: &Section, key: &Key) -> String {
         let _ = write!(text, "  (of {})", section.kind);
     }
     text.push('\n');
+    let value = key.value.to_string();
     let see = key.see.join(", ");
     let default = default(key);
-    for (what, said) in
-        [("value", key.value), ("unit", key.unit), ("default", &default), ("cost", key.cost), ("see", &see)]
-    {
+    for (what, said) in [
+        ("value", value.as_str()),
+        ("unit", key.unit),
+        ("default", default.as_str()),
+        ("cost", key.cost),
+        ("see", &see),
+    ] {
         if !said.is_empty() {
             paragraph(&mut text, &format!("  {what:<9}"), said);
         }
@@ -46,7 +51,8 @@ fn entry(section: &Section, key: &Key) -> String {
     text
 }
 
-fn default(key: &Key) -> String {
+/// What holds without a key, in words.
+pub(super) fn default(key: &Key) -> String {
     match key.default {
         Otherwise::Required => "none: it must be given".to_string(),
         Otherwise::Is(value) => value.to_string(),

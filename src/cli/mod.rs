@@ -2,9 +2,11 @@
 
 mod check;
 mod compare;
+mod completions;
 mod diff;
 mod info;
 mod job;
+mod man;
 mod manual;
 mod merge;
 mod new;
@@ -63,6 +65,12 @@ enum Command {
     Job(job::Arguments),
     /// What is in a scene, .vdb, .obj, .npy, image or checkpoint file.
     Info(info::Arguments),
+    /// Prints a JSON schema of scene files, by which editors complete and check them.
+    Schema,
+    /// Prints completions for a shell.
+    Completions(completions::Arguments),
+    /// Prints a page of the manual: of the program, of a command, or of scene files.
+    Man(man::Arguments),
 }
 
 /// Runs the program and returns its exit status: 0 done; 1 failed; 2 bad usage or bad input; 3 a checked scene
@@ -91,6 +99,9 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Plan(arguments) => plan::run(&arguments),
         Command::Job(arguments) => job::run(&arguments),
         Command::Info(arguments) => info::run(&arguments),
+        Command::Schema => json(&crate::scene::manual::schema()).and_then(|text| print(&text)),
+        Command::Completions(arguments) => completions::run(&arguments),
+        Command::Man(arguments) => man::run(&arguments),
     };
     status(done)
 }

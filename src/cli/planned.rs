@@ -72,15 +72,23 @@ impl Planned {
         if let Some(Choice { method, .. }) = choice {
             (description.render.method, description.render.automatic) = (method, false);
         }
-        if self.strict && !scene.warnings.is_empty() {
-            return Err(Error::Scene(warned(&scene.warnings)));
+        if self.strict {
+            refuse(&scene.warnings)?;
         }
         let settings = Settings::of(&description);
         Ok(Loaded { description, scene, settings, choice })
     }
 }
 
+/// By `--strict`: warnings of a scene are its errors.
+///
+/// # Errors
+/// [`Error::Scene`], if there is any.
+pub fn refuse(warnings: &[String]) -> Result<()> {
+    if warnings.is_empty() { Ok(()) } else { Err(Error::Scene(warned(warnings))) }
+}
+
 /// Warnings as an error.
 pub fn warned(warnings: &[String]) -> String {
-    format!("{} (warnings are errors: --strict)", warnings.join("\n"))
+    format!("{}\n(warnings are errors: --strict)", warnings.join("\n"))
 }

@@ -75,10 +75,10 @@ impl Comparison<'_> {
         settings.render.seed = seed;
         let loading_seconds = start.elapsed().as_secs_f64();
         let peak = machine::forget_peak();
+        let warnings = scene.warnings.clone();
         let mut lab =
             Lab::new((scene, settings), context.shared(), context.request.components()?, context.watch, context.stop)?;
-        let mut measuring =
-            Measuring { comparison: self, found, seed, warnings: Vec::new(), stats: None, shots: Vec::new() };
+        let mut measuring = Measuring { comparison: self, found, seed, warnings, stats: None, shots: Vec::new() };
         let ended = match variant.tune {
             None => measuring.refine(&mut lab, times),
             Some(tunable) => measuring.tuned(&mut lab, tunable, times),

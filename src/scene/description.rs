@@ -58,7 +58,12 @@ impl Place {
 
     /// An error about what stands here: `file:line:column: key: message`, and below the line of the file.
     pub fn error(&self, message: impl fmt::Display) -> Error {
-        Error::Scene(format!("{self}: {message}{}", self.source.excerpt()))
+        Error::Scene(self.told(message))
+    }
+
+    /// A message about what stands here, as those of errors are.
+    pub(crate) fn told(&self, message: impl fmt::Display) -> String {
+        format!("{self}: {message}{}", self.source.excerpt())
     }
 }
 

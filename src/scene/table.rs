@@ -72,8 +72,7 @@ impl Problems {
         let shown = kept.iter().take(Self::SHOWN);
         let line = |Problem { place, message, missing }: &Problem| {
             // What is missing stands nowhere.
-            let excerpt = if *missing { String::new() } else { place.source.excerpt() };
-            format!("{place}: {message}{excerpt}")
+            if *missing { format!("{place}: {message}") } else { place.told(message) }
         };
         let mut lines: Vec<String> = shown.map(line).collect();
         if others > 0 {

@@ -101,7 +101,7 @@ impl Builder<'_> {
                             let image = read_environment(&file.value).map_err(|error| file.place.error(error))?;
                             let light = Environment::image(image, *scale, rotate.to_radians());
                             if light.is_none() {
-                                self.warnings.push(format!("{}: the image is black: no light", file.place));
+                                self.warnings.push(file.place.told("the image is black: no light"));
                             }
                             light
                         }

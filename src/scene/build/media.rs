@@ -69,7 +69,7 @@ impl Builder<'_> {
         };
         let medium = Medium { name: said.name.clone(), extinction, albedo, phase, density, emission };
         if (said.sigma_t().max_element() > 0.0 || !said.grids.is_empty()) && medium.is_clear() {
-            self.warnings.push(format!("{}: the density is 0 everywhere: the medium is vacuum", said.place));
+            self.warnings.push(said.place.told("the density is 0 everywhere: the medium is vacuum"));
         }
         Ok(medium)
     }

@@ -1,21 +1,26 @@
 //! `[materials.*]`
 
+use std::f64::consts::FRAC_PI_2;
+
+use super::form::{COUNT, Form, NUMBER, POSITIVE, Range, SHARE, SHARE_CHANNELS, SHARE_COLOUR, STEPS};
 use super::{Chosen, Is, Key, Nothing, Required, Section};
 
-const COLOUR: &str = "a number from 0 to 1, [r, g, b], or a texture";
-const SHARE: &str = "a number from 0 to 1, or a texture";
-const INDEX: &str = "a number above 0, or [r, g, b]";
+const TEXTURE: Form = Form::Said("a texture", &Form::Table("materials.*.reflectance"));
+const COLOUR: Form = Form::OneOf(&[SHARE, SHARE_CHANNELS, TEXTURE]);
+const SHARE_OR_TEXTURE: Form = Form::OneOf(&[SHARE, TEXTURE]);
+const INDEX: Form = Form::OneOf(&[POSITIVE, Form::Said("[r, g, b]", &Form::Array(3, &POSITIVE))]);
+const MATERIAL: Form = Form::OneOf(&[Form::Text("the name of a material"), Form::Table("materials.*")]);
 const SPACE: Key = Key::new(
     "space",
-    "\"uv\" or \"object\"",
+    Form::Choice(&["uv", "object"]),
     Is("\"uv\""),
     "which coordinates it is of: those of the surface, or object space",
 );
-const A: Key = Key::new("a", "a number from 0 to 1, or [r, g, b]", Is("0.8"), "the one colour");
-const B: Key = Key::new("b", "a number from 0 to 1, or [r, g, b]", Is("0.2"), "the other colour");
+const A: Key = Key::new("a", SHARE_COLOUR, Is("0.8"), "the one colour");
+const B: Key = Key::new("b", SHARE_COLOUR, Is("0.2"), "the other colour");
 const F0: Key = Key::new("f0", COLOUR, Is("0.5"), "what it reflects head-on");
 const ISOTROPY: Key =
-    Key::new("isotropy", "a number above 0 and at most 1", Is("1"), "below 1 highlights are stretched");
+    Key::new("isotropy", Form::Number(Range::AboveUpTo(0.0, 1.0)), Is("1"), "below 1 highlights are stretched");
 const REFLECTANCE: Key = Key::new("reflectance", COLOUR, Is("0.5"), "the share of light that is reflected");
 
 pub(super) const SECTIONS: &[Section] = &[
@@ -25,19 +30,19 @@ pub(super) const SECTIONS: &[Section] = &[
         about: "what a surface is made of",
         example: "",
         keys: &[
-            Key::new("type", "the name of a kind", Required, "which kind it is"),
+            Key::new("type", Form::Kind, Required, "which kind it is"),
             Key::new(
                 "normal_map",
-                "a texture",
+                TEXTURE,
                 Nothing,
                 "turns the normal by its colours, 2c − 1 along u, v and the normal",
             )
             .see(&["materials.*.strength"]),
-            Key::new("bump", "a texture", Nothing, "turns the normal by its slope, as a height in scene units")
+            Key::new("bump", TEXTURE, Nothing, "turns the normal by its slope, as a height in scene units")
                 .see(&["materials.*.strength"]),
             Key::new(
                 "strength",
-                "a number",
+                NUMBER,
                 Chosen("1, beside normal_map or bump alone"),
                 "multiplies how far the normal is turned",
             )
@@ -58,8 +63,13 @@ pub(super) const SECTIONS: &[Section] = &[
         example: "materials.NAME = { type = \"oren_nayar\", sigma = 0.5 }",
         keys: &[
             REFLECTANCE,
-            Key::new("sigma", "a number from 0 to π/2", Is("0.3"), "the standard deviation of slopes; 0 is lambert")
-                .unit("radians"),
+            Key::new(
+                "sigma",
+                Form::Number(Range::Within(0.0, FRAC_PI_2)),
+                Is("0.3"),
+                "the standard deviation of slopes; 0 is lambert",
+            )
+            .unit("radians"),
         ],
     },
     Section {
@@ -81,7 +91,7 @@ pub(super) const SECTIONS: &[Section] = &[
             Key::new("specular", COLOUR, Is("0.3"), "the share of the lobe; both together at most 1"),
             Key::new(
                 "exponent",
-                "a number from 0 to 1e6",
+                Form::Number(Range::Within(0.0, 1e6)),
                 Is("50"),
                 "n of specular (n + 2)/2π cosⁿ: how narrow the lobe is",
             ),
@@ -94,9 +104,9 @@ pub(super) const SECTIONS: &[Section] = &[
         example: "materials.NAME = { type = \"schlick\", f0 = 0.05, layer = { f0 = 0.6, roughness = 1 } }",
         keys: &[
             F0,
-            Key::new("roughness", SHARE, Is("0.1"), "the book's σ, from 0, a mirror, to 1, diffuse; α = √σ"),
+            Key::new("roughness", SHARE_OR_TEXTURE, Is("0.1"), "the book's σ, from 0, a mirror, to 1, diffuse; α = √σ"),
             ISOTROPY,
-            Key::new("layer", "a table", Nothing, "a second layer under it"),
+            Key::new("layer", Form::Table("materials.*.layer"), Nothing, "a second layer under it"),
         ],
     },
     Section {
@@ -104,7 +114,7 @@ pub(super) const SECTIONS: &[Section] = &[
         kind: "",
         about: "the lower layer of a schlick surface",
         example: "materials.NAME = { type = \"schlick\", layer = { f0 = 0.6 } }",
-        keys: &[F0, Key::new("roughness", SHARE, Is("0.1"), "as of the upper one"), ISOTROPY],
+        keys: &[F0, Key::new("roughness", SHARE_OR_TEXTURE, Is("0.1"), "as of the upper one"), ISOTROPY],
     },
     Section {
         path: "materials.*",
@@ -114,12 +124,11 @@ pub(super) const SECTIONS: &[Section] = &[
         keys: &[
             Key::new("f0", COLOUR, Nothing, "what it reflects head-on"),
             Key::new("eta", INDEX, Nothing, "the real part of its index of refraction").see(&["materials.*.k"]),
-            Key::new("k", "a number of at least 0, or [r, g, b]", Nothing, "the imaginary part")
-                .see(&["materials.*.eta"]),
-            Key::new("metal", "\"Ag\", \"Al\", \"Au\" or \"Cu\"", Nothing, "measured indices"),
+            Key::new("k", COLOUR, Nothing, "the imaginary part").see(&["materials.*.eta"]),
+            Key::new("metal", Form::Choice(&["Ag", "Al", "Au", "Cu"]), Nothing, "measured indices"),
             Key::new(
                 "roughness",
-                "a number from 0 to 1, two of them, or a texture",
+                Form::OneOf(&[SHARE, Form::Said("two of them", &Form::Array(2, &SHARE)), TEXTURE]),
                 Is("0"),
                 "GGX's α, or that along u and along v: brushed metal",
             )
@@ -132,9 +141,9 @@ pub(super) const SECTIONS: &[Section] = &[
         about: "a dielectric coat over a base: varnish, glaze, plastic",
         example: "materials.NAME = { type = \"coated\", base = { type = \"lambert\", reflectance = 0.6 } }",
         keys: &[
-            Key::new("base", "the name of a material, or a table", Required, "what is under the coat, which reflects"),
-            Key::new("ior", "a number above 0", Is("1.5"), "the coat's index of refraction"),
-            Key::new("roughness", SHARE, Is("0"), "GGX's α of the coat")
+            Key::new("base", MATERIAL, Required, "what is under the coat, which reflects"),
+            Key::new("ior", POSITIVE, Is("1.5"), "the coat's index of refraction"),
+            Key::new("roughness", SHARE_OR_TEXTURE, Is("0"), "GGX's α of the coat")
                 .cost("a rough coat is asked by walks between its facets"),
         ],
     },
@@ -151,14 +160,9 @@ pub(super) const SECTIONS: &[Section] = &[
         about: "two materials side by side",
         example: "materials.NAME = { type = \"mix\", a = { type = \"lambert\" }, b = { type = \"mirror\" }, weight = 0.2 }",
         keys: &[
-            Key::new("a", "the name of a material, or a table", Required, "the one"),
-            Key::new(
-                "b",
-                "the name of a material, or a table",
-                Required,
-                "the other; one of both may be \"none\": a mask",
-            ),
-            Key::new("weight", SHARE, Is("0.5"), "the share of b"),
+            Key::new("a", MATERIAL, Required, "the one"),
+            Key::new("b", MATERIAL, Required, "the other; one of both may be \"none\": a mask"),
+            Key::new("weight", SHARE_OR_TEXTURE, Is("0.5"), "the share of b"),
         ],
     },
     Section {
@@ -175,7 +179,7 @@ pub(super) const SECTIONS: &[Section] = &[
             )
             .cost("caustics, for which photons are traced")
             .see(&["shapes.*.priority", "photons.caustic"]),
-            Key::new("roughness", SHARE, Is("0"), "GGX's α, from 0, smooth, to 1; nothing is lost"),
+            Key::new("roughness", SHARE_OR_TEXTURE, Is("0"), "GGX's α, from 0, smooth, to 1; nothing is lost"),
         ],
     },
     Section {
@@ -190,7 +194,7 @@ pub(super) const SECTIONS: &[Section] = &[
         kind: "",
         about: "a texture, in place of a colour, a roughness or a weight",
         example: "",
-        keys: &[Key::new("texture", "the name of a kind", Required, "which kind it is")],
+        keys: &[Key::new("texture", Form::Kind, Required, "which kind it is")],
     },
     Section {
         path: "materials.*.reflectance",
@@ -200,19 +204,19 @@ pub(super) const SECTIONS: &[Section] = &[
         keys: &[
             Key::new(
                 "file",
-                "the name of a .png, .jpg, .exr, .hdr or .pfm file",
+                Form::Text("the name of a .png, .jpg, .exr, .hdr or .pfm file"),
                 Required,
                 "the image, from the folder of the scene",
             )
             .cost("16 bytes for each of its pixels, about"),
-            Key::new("wrap", "\"repeat\", \"clamp\" or \"mirror\"", Is("\"repeat\""), "what is beyond its edge"),
+            Key::new("wrap", Form::Choice(&["repeat", "clamp", "mirror"]), Is("\"repeat\""), "what is beyond its edge"),
             Key::new(
                 "color_space",
-                "\"srgb\" or \"linear\"",
+                Form::Choice(&["srgb", "linear"]),
                 Chosen("sRGB for colours of integers, else linear"),
                 "how its integers are read",
             ),
-            Key::new("transform", "a list of steps", Chosen("none"), "moves (u, v, 0) to the image")
+            Key::new("transform", STEPS, Chosen("none"), "moves (u, v, 0) to the image")
                 .see(&["shapes.*.transform.*.scale"]),
         ],
     },
@@ -221,7 +225,7 @@ pub(super) const SECTIONS: &[Section] = &[
         kind: "checker",
         about: "a texture of cells",
         example: "materials.NAME = { type = \"lambert\", reflectance = { texture = \"checker\", scale = 8 } }",
-        keys: &[A, B, Key::new("scale", "a number above 0", Is("1"), "cells to a unit"), SPACE],
+        keys: &[A, B, Key::new("scale", POSITIVE, Is("1"), "cells to a unit"), SPACE],
     },
     Section {
         path: "materials.*.reflectance",
@@ -231,15 +235,15 @@ pub(super) const SECTIONS: &[Section] = &[
         keys: &[
             A,
             B,
-            Key::new("scale", "a number above 0", Is("1"), "the size of its coarsest features"),
+            Key::new("scale", POSITIVE, Is("1"), "the size of its coarsest features"),
             Key::new(
                 "octaves",
-                "an integer from 1 to 12",
+                Form::Integer(Range::Within(1.0, 12.0)),
                 Is("4"),
                 "each is half as large and half as strong as the one before",
             ),
-            Key::new("threshold", "a number of at least 0 and below 1", Is("0"), "noise below it is all a"),
-            Key::new("seed", "an integer of at least 0", Is("0"), "another seed, another noise"),
+            Key::new("threshold", Form::Number(Range::HalfOpen(0.0, 1.0)), Is("0"), "noise below it is all a"),
+            Key::new("seed", COUNT, Is("0"), "another seed, another noise"),
             SPACE,
         ],
     },

@@ -3,9 +3,11 @@
 //! Tests hold it to the reader: a table has the keys that the reader asks it for and no others, defaults are those of the reader, and
 //! every example can be read. A new key is a line here, beside its line in the reader.
 
+mod form;
 mod lights;
 mod materials;
 mod media;
+mod schema;
 mod settings;
 mod shapes;
 mod studies;
@@ -32,8 +34,8 @@ pub struct Section {
 pub struct Key {
     /// Its name.
     pub name: &'static str,
-    /// The type of its value, and which are allowed.
-    pub value: &'static str,
+    /// Which values it takes.
+    pub value: Form,
     /// The unit of that; empty for none.
     pub unit: &'static str,
     /// What holds without it.
@@ -59,10 +61,13 @@ pub enum Otherwise {
     None,
 }
 
+pub use form::{Form, Range};
+pub use schema::schema;
+
 use Otherwise::{Chosen, Is, None as Nothing, Required};
 
 impl Key {
-    const fn new(name: &'static str, value: &'static str, default: Otherwise, about: &'static str) -> Key {
+    const fn new(name: &'static str, value: Form, default: Otherwise, about: &'static str) -> Key {
         Key { name, value, unit: "", default, about, cost: "", see: &[] }
     }
 
@@ -134,6 +139,12 @@ pub fn find(asked: &str) -> Found {
     };
     let keys: Vec<_> = all_keys().filter(|(section, key)| ends(section.path_of(key))).collect();
     if keys.is_empty() { Found::Nothing(nearest(asked)) } else { Found::Keys(keys) }
+}
+
+/// All that [`find`] finds by its whole path: tables and keys, some of them several times.
+pub fn paths() -> impl Iterator<Item = String> {
+    let tables = sections().filter(|section| !section.path.is_empty()).map(|section| section.path.to_string());
+    tables.chain(all_keys().map(|(section, key)| section.path_of(key)))
 }
 
 fn all_keys() -> impl Iterator<Item = (&'static Section, &'static Key)> {

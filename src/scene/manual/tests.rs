@@ -3,8 +3,9 @@ use std::sync::Arc;
 
 use super::*;
 use crate::scene::description::Document;
-use crate::scene::parse;
+use crate::scene::table::Problems;
 use crate::scene::tree::{self, Node, Value};
+use crate::scene::{overrides, parse};
 
 const CAMERA: &str = "camera = { position = [0, 0, 5], target = [0, 0, 0] }\n";
 
@@ -105,7 +106,7 @@ fn pages_name_every_key() {
         let named = page.split(|c: char| !word(c)).any(|found| found == key.name);
         let what = section.path_of(key);
         assert!(named, "no page names {what}");
-        assert!(!key.value.is_empty() && !key.about.is_empty(), "{what}");
+        assert!(!key.value.to_string().is_empty() && !key.about.is_empty(), "{what}");
         for other in key.see {
             let found = matches!(find(other), Found::Keys(_) | Found::Sections(_));
             assert!(found && *other != what, "{what} refers to {other}");
@@ -172,4 +173,150 @@ fn keys_are_found_as_users_ask_for_them() {
     assert_eq!(paths("volume.nieghbours"), ["? volume.neighbours"]);
     assert_eq!(paths("nieghbours"), ["? volume.neighbours"]);
     assert_eq!(paths("xyzzy"), ["? "]);
+}
+
+/// What a JSON schema has against a value, at the first place; `root` is the schema whose definitions are meant.
+fn objection(root: &serde_json::Value, schema: &serde_json::Value, value: &serde_json::Value) -> Option<String> {
+    let number = |limit: &serde_json::Value| (value.as_f64().unwrap_or(f64::NAN), limit.as_f64().unwrap());
+    let size = || value.as_array().map_or(0, Vec::len) as u64;
+    let any = |of: &serde_json::Value| {
+        let objections = of.as_array().unwrap().iter().map(|schema| objection(root, schema, value));
+        let objections: Vec<Option<String>> = objections.collect();
+        (!objections.contains(&None)).then(|| format!("none of these: {objections:?}"))
+    };
+    for (keyword, said) in schema.as_object().unwrap() {
+        let is_fine = match keyword.as_str() {
+            "$schema" | "title" | "description" | "default" | "definitions" => true,
+            "type" => match said.as_str().unwrap() {
+                "object" => value.is_object(),
+                "array" => value.is_array(),
+                "string" => value.is_string(),
+                "boolean" => value.is_boolean(),
+                "number" => value.is_number(),
+                "integer" => value.is_i64() || value.is_u64(),
+                other => panic!("type {other}"),
+            },
+            "enum" => said.as_array().unwrap().contains(value),
+            "const" => said == value,
+            "minimum" => matches!(number(said), (x, low) if x >= low),
+            "maximum" => matches!(number(said), (x, high) if x <= high),
+            "exclusiveMinimum" => matches!(number(said), (x, low) if x > low),
+            "exclusiveMaximum" => matches!(number(said), (x, high) if x < high),
+            "minItems" => size() >= said.as_u64().unwrap(),
+            "maxItems" => size() <= said.as_u64().unwrap(),
+            "required" => said.as_array().unwrap().iter().all(|key| value.get(key.as_str().unwrap()).is_some()),
+            "$ref" => {
+                let definition = &root["definitions"][said.as_str().unwrap().strip_prefix("#/definitions/").unwrap()];
+                if let Some(objection) = objection(root, definition, value) {
+                    return Some(objection);
+                }
+                true
+            }
+            "anyOf" => match any(said) {
+                Some(objection) => return Some(objection),
+                None => true,
+            },
+            "allOf" => said.as_array().unwrap().iter().all(|schema| objection(root, schema, value).is_none()),
+            "items" => match value.as_array().into_iter().flatten().find_map(|item| objection(root, said, item)) {
+                Some(objection) => return Some(objection),
+                None => true,
+            },
+            "properties" => {
+                let known = said.as_object().unwrap().iter();
+                let objections =
+                    known.filter_map(|(key, schema)| Some((key, objection(root, schema, value.get(key)?)?)));
+                if let Some((key, objection)) = objections.into_iter().next() {
+                    return Some(format!("{key}: {objection}"));
+                }
+                true
+            }
+            "additionalProperties" => {
+                let properties = schema.get("properties");
+                let is_more = |key: &String| properties.is_none_or(|known| known.get(key).is_none());
+                let mut more = value.as_object().into_iter().flatten().filter(|(key, _)| is_more(key));
+                match said.as_bool() {
+                    Some(_) => more.next().is_none(),
+                    None => more.all(|(_, value)| objection(root, said, value).is_none()),
+                }
+            }
+            other => panic!("{other} is in the schema"),
+        };
+        if !is_fine {
+            return Some(format!("{value} is not {keyword} {said}"));
+        }
+    }
+    None
+}
+
+/// The schema allows all scenes of the project, and of every key what the reader allows; it refuses what the reader refuses of numbers,
+/// choices and switches, and keys that do not exist.
+#[test]
+fn the_schema_allows_what_the_reader_allows() {
+    let schema = schema();
+    let tree = |name: &str, text: &str| {
+        let document = Document { name: name.to_string(), text: text.to_string() };
+        tree::parse(&Arc::new(document)).unwrap()
+    };
+    let mut folders = vec![Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes")];
+    let mut scenes = 0;
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|ending| ending == "toml") {
+                let scene = tree("", &std::fs::read_to_string(&path).unwrap());
+                assert_eq!(objection(&schema, &schema, &schema::json(&scene)), None, "{}", path.display());
+                scenes += 1;
+            }
+        }
+    }
+    assert!(scenes > 60, "{scenes} scenes");
+
+    let probes = [
+        "-1",
+        "0",
+        "1",
+        "2",
+        "10",
+        "100",
+        "1000",
+        "100_000",
+        "10_000_000",
+        "1e-7",
+        "0.5",
+        "1.55",
+        "true",
+        "\"zzz\"",
+        "[0, 0, 1]",
+        "[1, 2]",
+        "{ }",
+        "{ no_such_key = 1 }",
+    ];
+    let mut compared = 0;
+    for section in tables() {
+        for key in keys(section) {
+            for probe in probes {
+                let set = set(section, key.name, probe);
+                let problems = Problems::default();
+                let mut root = tree("scene.toml", &scene(section));
+                overrides::apply(&mut root, &set, &problems);
+                problems.check().unwrap();
+                let objection = objection(&schema, &schema, &schema::json(&root));
+                let read = read(section, std::slice::from_ref(&set));
+                assert!(read.is_err() || objection.is_none(), "{set} is refused: {objection:?}");
+                // What the reader has against the value itself, and not against what else the scene says.
+                let refused = read.err().filter(|error| error.contains("found ") && error.contains("; expected"));
+                if matches!(key.value, Form::Boolean | Form::Number(_) | Form::Integer(_) | Form::Choice(_))
+                    && let Some(error) = refused
+                {
+                    assert!(objection.is_some(), "{set} is allowed: {error}");
+                }
+                compared += 1;
+            }
+        }
+    }
+    assert!(compared > 3000, "{compared}");
+    let refused = tree("", &format!("{CAMERA}media.fog = {{ sigma_s = 1.0, sigma_z = 1.0 }}\n"));
+    assert!(objection(&schema, &schema, &schema::json(&refused)).is_some());
 }

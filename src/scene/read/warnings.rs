@@ -60,10 +60,8 @@ fn glows(medium: &Medium) -> bool {
 
 fn cold_media(scene: &Description, warnings: &mut Vec<String>) {
     for medium in scene.media.iter().filter(|medium| glows(medium) && !medium.may_absorb()) {
-        let place = &medium.place;
-        warnings.push(format!(
-            "{place}: has an emission but does not glow: what it emits is multiplied by sigma_a, which is 0"
-        ));
+        let message = "has an emission but does not glow: what it emits is multiplied by sigma_a, which is 0";
+        warnings.push(medium.place.told(message));
     }
 }
 
@@ -81,10 +79,10 @@ fn light_from_infinity(scene: &Description, warnings: &mut Vec<String>) {
         _ => false,
     };
     for light in scene.lights.iter().filter(from_infinity) {
-        warnings.push(format!(
-            "{}: light from infinity does not get through the world's medium {:?} and is black where that absorbs or scatters",
-            light.place, medium.name,
-        ));
+        warnings.push(light.place.told(format_args!(
+            "light from infinity does not get through the world's medium {:?} and is black where that absorbs or scatters",
+            medium.name,
+        )));
     }
 }
 
@@ -104,8 +102,8 @@ fn shapes_without_effect(scene: &Description, warnings: &mut Vec<String>) {
 fn warn_of_some<'a>(mut places: impl Iterator<Item = &'a Place>, message: &str, warnings: &mut Vec<String>) {
     let Some(first) = places.next() else { return };
     warnings.push(match places.count() {
-        0 => format!("{first}: {message}"),
-        others => format!("{first}: {message}; so it is with {others} more"),
+        0 => first.told(message),
+        others => first.told(format_args!("{message}; so it is with {others} more")),
     });
 }
 
