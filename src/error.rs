@@ -49,6 +49,13 @@ impl Error {
         Error::Output { path: path.as_ref().to_path_buf(), message: message.to_string() }
     }
 
+    /// What a build that leaves out a feature says where that is asked for.
+    pub(crate) fn left_out(what: &str, feature: &str) -> String {
+        format!(
+            "{what} cannot be used: this was built without the feature `{feature}` (cargo build --features {feature})"
+        )
+    }
+
     /// The process's exit status: 1 failed, 2 bad usage or bad input, 3 a scene that is not to be believed, 130 interrupted.
     pub fn exit_status(&self) -> u8 {
         match self {

@@ -1,6 +1,7 @@
 //! The command line: one file a command. Nothing else in this crate prints.
 
 mod check;
+#[cfg(feature = "report")]
 mod compare;
 mod completions;
 mod diff;
@@ -17,6 +18,8 @@ mod progress;
 mod render;
 #[cfg(feature = "tev")]
 mod tev;
+// What only comparisons are asked with is there for them.
+#[cfg_attr(not(feature = "report"), allow(dead_code))]
 mod values;
 mod watch;
 
@@ -50,6 +53,7 @@ enum Command {
     /// Renders a scene.
     Render(render::Arguments),
     /// Error against run time for several estimates of a scene.
+    #[cfg(feature = "report")]
     Compare(compare::Arguments),
     /// Whether a scene can be believed: estimators against each other, energy, leaks, what is not finite.
     Check(check::Arguments),
@@ -91,6 +95,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     };
     let done = match arguments.command {
         Command::Render(arguments) => render::run(&arguments),
+        #[cfg(feature = "report")]
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::Diff(arguments) => diff::run(&arguments),

@@ -282,7 +282,9 @@ fn outputs(arguments: &Arguments) -> Result<Vec<PathBuf>> {
         name.push(ending);
         PathBuf::from(name)
     };
-    Ok(vec![with(".exr"), with(".png")])
+    let written = [(Format::Exr, ".exr"), (Format::Png, ".png")].into_iter().filter(|(format, _)| format.is_built_in());
+    let written: Vec<PathBuf> = written.map(|(_, ending)| with(ending)).collect();
+    Ok(if written.is_empty() { vec![with(".pfm")] } else { written })
 }
 
 /// Each medium's bounds, range of extinction and optical depth; then warnings.

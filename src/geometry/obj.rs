@@ -9,11 +9,9 @@ use super::Mesh;
 use super::mesh::{MAX_TRIANGLES, Parts};
 use crate::math::{DVec2, DVec3, Vec3};
 use crate::{Error, Result};
-use flate2::read::MultiGzDecoder;
 use glam::Vec2;
 use std::collections::HashMap;
 use std::fs;
-use std::io::Read;
 use std::path::Path;
 
 /// Larger files are refused, as are compressed ones that unpack to more.
@@ -36,6 +34,9 @@ impl Mesh {
     /// or has a malformed number, an index out of range, or no face with an area; [`Error::Limit`]
     /// when it is too large.
     pub fn load(path: &Path, smooth: bool) -> Result<Mesh> {
+        if cfg!(not(feature = "obj")) {
+            return Err(Error::asset(path, Error::left_out("Wavefront OBJ files", "obj")));
+        }
         let found = fs::metadata(path).map_err(|e| Error::asset(path, e))?;
         if !found.is_file() {
             return Err(Error::asset(path, "not a file: expected a Wavefront OBJ file"));
@@ -67,9 +68,17 @@ impl Mesh {
 /// How files compressed by gzip begin (RFC 1952).
 const GZIP: [u8; 2] = [0x1f, 0x8b];
 
+#[cfg(not(feature = "obj"))]
+fn unpack(_: &[u8], path: &Path) -> Result<Vec<u8>> {
+    Err(Error::asset(path, Error::left_out("files packed by gzip", "obj")))
+}
+
+#[cfg(feature = "obj")]
 fn unpack(bytes: &[u8], path: &Path) -> Result<Vec<u8>> {
+    use std::io::Read;
+
     let mut unpacked = Vec::new();
-    MultiGzDecoder::new(bytes)
+    flate2::read::MultiGzDecoder::new(bytes)
         .take(MAX_BYTES + 1)
         .read_to_end(&mut unpacked)
         .map_err(|e| Error::asset(path, format!("cannot be unpacked by gzip: {e}: the file is damaged")))?;
@@ -279,7 +288,7 @@ fn triangulate(outline: &[DVec3], out: &mut Vec<[usize; 3]>) -> Result<(), Strin
     Ok(())
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "obj"))]
 mod tests {
     use super::*;
     use crate::geometry::{Cluster, Geometry, Placed, Shape};

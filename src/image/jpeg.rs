@@ -5,6 +5,7 @@ use std::io::Cursor;
 use ::image::codecs::jpeg::JpegDecoder;
 use ::image::{DynamicImage, ImageDecoder, ImageError};
 
+use super::png::from_integers;
 use super::{Image, check_size};
 
 /// How many times longer than its file an image can be: a block of 64 pixels takes a bit or two at least.
@@ -16,7 +17,7 @@ pub(super) fn decode(bytes: &[u8], linear: bool) -> Result<Image, String> {
     let decoder = JpegDecoder::new(Cursor::new(bytes)).map_err(text)?;
     let (width, height) = decoder.dimensions();
     check_size(width as usize, height as usize, 24, EXPANSION, bytes.len())?;
-    Ok(super::from_integers(DynamicImage::from_decoder(decoder).map_err(text)?, linear))
+    Ok(from_integers(DynamicImage::from_decoder(decoder).map_err(text)?, linear))
 }
 
 #[cfg(test)]

@@ -6,20 +6,22 @@
 //! [`signed_errors`], [`flip`] and [`hdr_flip`] maps, which [`Palette`]s colour.
 
 mod error;
+#[cfg_attr(not(feature = "exr"), path = "left_out/exr.rs")]
 mod exr;
 mod flip;
+#[cfg_attr(not(feature = "png"), path = "left_out/hdr.rs")]
 mod hdr;
+#[cfg_attr(not(feature = "png"), path = "left_out/jpeg.rs")]
 mod jpeg;
 mod map;
 mod pfm;
+#[cfg_attr(not(feature = "png"), path = "left_out/png.rs")]
 mod png;
 mod tone;
 mod write;
 
 use std::fs;
 use std::path::Path;
-
-use ::image::DynamicImage;
 
 pub use error::{DiffOptions, Figures, NonFinite, Pair, compare};
 pub use flip::{DEFAULT_PIXELS_PER_DEGREE, Flip, flip, hdr_flip};
@@ -181,20 +183,46 @@ pub enum Format {
 impl Format {
     /// The format that the ending of `path` stands for, in either case.
     ///
-    /// Errors: [`Error::Usage`] naming the allowed endings.
+    /// Errors: [`Error::Usage`] naming the allowed endings, or the feature without which this was built.
     pub fn of(path: impl AsRef<Path>) -> Result<Format> {
         let path = path.as_ref();
         let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-        match ending.as_str() {
-            "exr" => Ok(Format::Exr),
-            "png" => Ok(Format::Png),
-            "pfm" => Ok(Format::Pfm),
-            "hdr" => Ok(Format::Hdr),
-            _ => Err(Error::Usage(format!(
-                "{}: an image's name must end in .exr, .png, .pfm or .hdr, which chooses its format",
-                path.display()
-            ))),
+        let format = match ending.as_str() {
+            "exr" => Format::Exr,
+            "png" => Format::Png,
+            "pfm" => Format::Pfm,
+            "hdr" => Format::Hdr,
+            _ => {
+                return Err(Error::Usage(format!(
+                    "{}: an image's name must end in .exr, .png, .pfm or .hdr, which chooses its format",
+                    path.display()
+                )));
+            }
+        };
+        match format.is_built_in() {
+            true => Ok(format),
+            false => Err(Error::Usage(format!("{}: {}", path.display(), format.left_out()))),
         }
+    }
+
+    /// Whether this was built with the feature that reads and writes it.
+    pub fn is_built_in(self) -> bool {
+        match self {
+            Format::Exr => cfg!(feature = "exr"),
+            Format::Png | Format::Hdr => cfg!(feature = "png"),
+            Format::Pfm => true,
+        }
+    }
+
+    /// What is said of it where it is not.
+    fn left_out(self) -> String {
+        let (what, feature) = match self {
+            Format::Exr => ("OpenEXR files", "exr"),
+            Format::Png => ("PNG files", "png"),
+            Format::Hdr => ("Radiance HDR files", "png"),
+            Format::Pfm => ("PFM files", "default"),
+        };
+        Error::left_out(what, feature)
     }
 }
 
@@ -303,27 +331,8 @@ fn decode(bytes: &[u8]) -> Result<Picture, String> {
     }
 }
 
-/// An image of integers, by the curve of sRGB or, `linear`, in proportion.
-fn from_integers(decoded: DynamicImage, linear: bool) -> Image {
-    let value = |share: f64| if linear { share as f32 } else { tone::srgb_to_linear(share) as f32 };
-    let (width, height) = (decoded.width() as usize, decoded.height() as usize);
-    let pixels = match &decoded {
-        DynamicImage::ImageLuma16(_)
-        | DynamicImage::ImageLumaA16(_)
-        | DynamicImage::ImageRgb16(_)
-        | DynamicImage::ImageRgba16(_) => {
-            let value = |integer: u16| value(f64::from(integer) / 65535.0);
-            decoded.into_rgb16().pixels().map(|pixel| pixel.0.map(value)).collect()
-        }
-        _ => {
-            let table: [f32; 256] = std::array::from_fn(|integer| value(integer as f64 / 255.0));
-            decoded.into_rgb8().pixels().map(|pixel| pixel.0.map(|integer| table[usize::from(integer)])).collect()
-        }
-    };
-    Image { width, height, pixels }
-}
-
 /// How many times longer than its file deflated data can be; the wavelet and Huffman codes of EXR stay below.
+#[cfg(any(feature = "exr", feature = "png"))]
 const DEFLATE: u64 = 1032;
 
 /// Refuses sizes that a file of `file_length` bytes cannot hold, before any memory is taken for them:
@@ -344,7 +353,7 @@ fn check_size(width: usize, height: usize, bits: u64, expansion: u64, file_lengt
     Ok(())
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "exr", feature = "png"))]
 mod tests {
     use super::*;
     use crate::math::Stream;

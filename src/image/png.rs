@@ -5,6 +5,7 @@ use std::io::{self, Cursor, Write};
 use ::image::codecs::png::{PngDecoder, PngEncoder};
 use ::image::{DynamicImage, ExtendedColorType, ImageEncoder, ImageError, Limits};
 
+use super::tone::srgb_to_linear;
 use super::{DEFLATE, Image, ToneSettings, check_size, tone_map};
 
 /// Writes `image`, tone-mapped, in 8-bit sRGB.
@@ -44,5 +45,25 @@ pub(super) fn decode(bytes: &[u8], linear: bool) -> Result<Image, String> {
     limits.max_alloc = Some((bytes.len() as u64).saturating_mul(24 * DEFLATE));
     let decoder = PngDecoder::with_limits(Cursor::new(bytes), limits).map_err(text)?;
     let decoded = DynamicImage::from_decoder(decoder).map_err(text)?;
-    Ok(super::from_integers(decoded, linear))
+    Ok(from_integers(decoded, linear))
+}
+
+/// An image of integers, by the curve of sRGB or, `linear`, in proportion.
+pub(super) fn from_integers(decoded: DynamicImage, linear: bool) -> Image {
+    let value = |share: f64| if linear { share as f32 } else { srgb_to_linear(share) as f32 };
+    let (width, height) = (decoded.width() as usize, decoded.height() as usize);
+    let pixels = match &decoded {
+        DynamicImage::ImageLuma16(_)
+        | DynamicImage::ImageLumaA16(_)
+        | DynamicImage::ImageRgb16(_)
+        | DynamicImage::ImageRgba16(_) => {
+            let value = |integer: u16| value(f64::from(integer) / 65535.0);
+            decoded.into_rgb16().pixels().map(|pixel| pixel.0.map(value)).collect()
+        }
+        _ => {
+            let table: [f32; 256] = std::array::from_fn(|integer| value(integer as f64 / 255.0));
+            decoded.into_rgb8().pixels().map(|pixel| pixel.0.map(|integer| table[usize::from(integer)])).collect()
+        }
+    };
+    Image { width, height, pixels }
 }

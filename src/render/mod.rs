@@ -40,7 +40,7 @@ pub use limits::Limits;
 pub use numbers::{caustic_photons, global_photons, volume_photons};
 pub use pass::{End, Rendering, refine, refine_planned, render};
 pub use plan::Plan;
-pub use progress::{Progress, Silent};
+pub use progress::{Callback, Progress, Silent};
 pub use replay::{Replayed, Replayer};
 pub use shared::{SharedMap, SharedPhotons, refine_shared};
 pub use stats::Stats;

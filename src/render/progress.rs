@@ -1,5 +1,8 @@
 //! Who hears how far a render has come.
 
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
 use super::film::Film;
 use super::stats::Stats;
 
@@ -34,6 +37,39 @@ impl<T: Progress + ?Sized> Progress for &T {
 
     fn round(&self, done: u32) -> u32 {
         (**self).round(done)
+    }
+}
+
+/// Tells a function how far a render has come: the phase, the steps of it that are done, and how many it has (0 if unknown). It is
+/// called by all threads that render, often: it should return soon.
+pub struct Callback<F> {
+    tell: F,
+    phase: Mutex<(&'static str, u64)>,
+    done: AtomicU64,
+}
+
+impl<F: Fn(&str, u64, u64) + Sync> Callback<F> {
+    /// Tells `tell`.
+    pub fn new(tell: F) -> Callback<F> {
+        Callback { tell, phase: Mutex::new(("", 0)), done: AtomicU64::new(0) }
+    }
+
+    fn now(&self) -> MutexGuard<'_, (&'static str, u64)> {
+        self.phase.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl<F: Fn(&str, u64, u64) + Sync> Progress for Callback<F> {
+    fn phase(&self, name: &'static str, steps: u64) {
+        *self.now() = (name, steps);
+        self.done.store(0, Ordering::Relaxed);
+        (self.tell)(name, 0, steps);
+    }
+
+    fn advance(&self, steps: u64) {
+        let done = self.done.fetch_add(steps, Ordering::Relaxed) + steps;
+        let (name, all) = *self.now();
+        (self.tell)(name, done, all);
     }
 }
 

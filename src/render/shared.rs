@@ -67,6 +67,12 @@ impl SharedPhotons {
         Ok(photons)
     }
 
+    /// The photons that lie in media, by region of the scene: as they were traced, around the scene's
+    /// [`center`](Scene::center).
+    pub fn regions(&self) -> &[Vec<Photon>] {
+        &self.regions
+    }
+
     /// Photons stored.
     pub fn stored(&self) -> u64 {
         self.regions.iter().map(|photons| photons.len() as u64).sum()

@@ -11,6 +11,7 @@ mod settings;
 mod shapes;
 
 use std::fmt;
+use std::panic::Location;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -27,7 +28,7 @@ pub use lights::*;
 pub use settings::*;
 pub use shapes::*;
 
-/// Where in a scene file, or in which `--set`, something was said.
+/// Where in a scene file, in which `--set`, or in which line of code something was said.
 #[derive(Clone, PartialEq)]
 pub struct Place {
     pub(crate) source: Source,
@@ -41,6 +42,8 @@ pub(crate) enum Source {
     File { offset: usize, document: Arc<Document> },
     /// An override of the command line, as it was typed: `key=value`.
     Override(Arc<str>),
+    /// A line of code.
+    Code(&'static Location<'static>),
 }
 
 /// A scene file as it was read.
@@ -68,7 +71,7 @@ impl Place {
 }
 
 impl Source {
-    /// Line and column, from 1, columns in characters; `None` for an override.
+    /// Line and column, from 1, columns in characters; `None` for what is not in a scene file.
     pub(crate) fn line_and_column(&self) -> Option<(usize, usize)> {
         let Source::File { document, offset } = self else { return None };
         let before = document.text.get(..*offset).unwrap_or(&document.text);
@@ -80,8 +83,8 @@ impl Source {
 }
 
 impl Source {
-    /// The line of the file that this stands in, with a mark below its place: two lines more of a message, indented. Nothing for an
-    /// override.
+    /// The line of the file that this stands in, with a mark below its place: two lines more of a message, indented. Nothing for what is
+    /// in no scene file.
     pub(crate) fn excerpt(&self) -> String {
         // So much of a long line is shown, and so much of that before the place.
         const SHOWN: usize = 100;
@@ -103,6 +106,7 @@ impl fmt::Display for Source {
             (Source::File { document, .. }, Some((line, column))) => write!(f, "{}:{line}:{column}", document.name),
             (Source::File { document, .. }, None) => f.write_str(&document.name),
             (Source::Override(text), _) => write!(f, "--set {text}"),
+            (Source::Code(place), _) => place.fmt(f),
         }
     }
 }

@@ -1,10 +1,12 @@
 //! What a scene file may say, and reading it with places kept for errors.
 //!
 //! [`read()`] turns the text of a scene file and the overrides of the command line into a
-//! [`Description`]: typed, checked, references resolved, but no other file opened yet.
+//! [`Description`]: typed, checked, references resolved, but no other file opened yet. A [`Draft`] is the same
+//! from code. [`build()`] makes a [`Scene`] of it.
 
 mod build;
 pub mod description;
+mod draft;
 mod glow;
 pub mod manual;
 mod mixture;
@@ -19,6 +21,7 @@ mod world;
 
 pub use build::build;
 pub use description::{Description, Located, Place};
+pub use draft::{Draft, Value};
 pub use glow::Glow;
 pub use mixture::Finish;
 pub use read::{parse, read};

@@ -19,21 +19,33 @@ pub(super) fn apply(root: &mut Node, text: &str, problems: &Problems) {
     let Some((key, value)) = split(text) else {
         return note("", "expected key=value, for example film.width=128".to_owned());
     };
-    let Some(parts) = key_parts(key) else {
-        return note(
-            "",
-            format!(
-                "{key:?} is not a dotted key, for example media.fog.sigma_s; other characters than letters, digits, - and _ need quotes"
-            ),
-        );
+    let parts = match parts_of(key) {
+        Ok(parts) => parts,
+        Err(message) => return note("", message),
     };
     let value = match value_of(value, &source) {
         Ok(value) => value,
         Err(message) => return note("", message),
     };
-    if let Err((key, message)) = set(root, &parts, value, &source) {
-        note(&key, message);
+    match follow(root, &parts, &source) {
+        Ok(node) => *node = value,
+        Err((key, message)) => note(&key, message),
     }
+}
+
+/// Where a dotted key leads; tables that are missing are created, said at `source`, and so is what it leads to, empty. On
+/// failure, the key that leads nowhere and why.
+pub(super) fn lead<'n>(root: &'n mut Node, key: &str, source: &Source) -> Result<&'n mut Node, (String, String)> {
+    let parts = parts_of(key).map_err(|message| (String::new(), message))?;
+    follow(root, &parts, source)
+}
+
+fn parts_of(key: &str) -> Result<Vec<String>, String> {
+    key_parts(key).ok_or_else(|| {
+        format!(
+            "{key:?} is not a dotted key, for example media.fog.sigma_s; other characters than letters, digits, - and _ need quotes"
+        )
+    })
 }
 
 /// At the first `=` outside quotes.
@@ -75,8 +87,8 @@ fn value_of(text: &str, source: &Source) -> Result<Node, String> {
     }
 }
 
-/// Puts `value` where `parts` lead; on failure, the key that leads nowhere and why.
-fn set(root: &mut Node, parts: &[String], value: Node, source: &Source) -> Result<(), (String, String)> {
+/// Where `parts` lead, as [`lead`].
+fn follow<'n>(root: &'n mut Node, parts: &[String], source: &Source) -> Result<&'n mut Node, (String, String)> {
     let mut node = root;
     let mut key = String::new();
     for part in parts {
@@ -98,8 +110,7 @@ fn set(root: &mut Node, parts: &[String], value: Node, source: &Source) -> Resul
             _ => return Err((key, format!("{parent} is a single value that has no keys"))),
         };
     }
-    *node = value;
-    Ok(())
+    Ok(node)
 }
 
 fn element(nodes: &[Node], part: &str) -> Result<usize, String> {

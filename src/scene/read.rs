@@ -18,6 +18,7 @@ use super::description::{
 };
 use super::table::{Item, Problems, Read, Table, unit};
 use super::text::text_of;
+use super::tree::Node;
 use super::{overrides, study, tree};
 use crate::math::DVec3;
 use crate::{Error, Result};
@@ -47,7 +48,12 @@ pub fn parse(text: &str, path: &Path, overrides: &[String]) -> Result<Descriptio
     for text in overrides {
         overrides::apply(&mut root, text, &problems);
     }
-    let description = Item::root(&root, &problems).table().and_then(|table| describe(&table, path));
+    described(&root, &problems, path)
+}
+
+/// Reads the tree of a scene file; with the problems that there are already.
+pub(super) fn described(root: &Node, problems: &Problems, path: &Path) -> Result<Description> {
+    let description = Item::root(root, problems).table().and_then(|table| describe(&table, path));
     problems.check()?;
     // A value that could not be read has left a problem behind.
     description.map_err(|_| Error::Scene(format!("{}: cannot be read", path.display())))

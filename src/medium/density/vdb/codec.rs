@@ -1,7 +1,7 @@
 //! Blocks of values: raw, deflated (zlib) or in a Blosc frame.
 
 use super::cursor::{Cursor, Parse};
-use flate2::{Decompress, FlushDecompress, Status};
+use super::packed::{Inflate, unpack_lz4};
 
 pub(super) const ZIP: u32 = 1;
 pub(super) const ACTIVE_MASK: u32 = 2;
@@ -9,14 +9,14 @@ pub(super) const BLOSC: u32 = 4;
 
 /// Decodes blocks; keeps its buffers from one to the next.
 pub(super) struct Decoder {
-    inflate: Decompress,
+    inflate: Inflate,
     raw: Vec<u8>,
     shuffled: Vec<u8>,
 }
 
 impl Decoder {
     pub fn new() -> Self {
-        Decoder { inflate: Decompress::new(true), raw: Vec::new(), shuffled: Vec::new() }
+        Decoder { inflate: Inflate::new(), raw: Vec::new(), shuffled: Vec::new() }
     }
 
     /// Reads `out.len()` floats, stored as halves if `half`.
@@ -66,23 +66,11 @@ impl Decoder {
         let result = if compression & BLOSC != 0 {
             unpack_blosc(packed, &mut self.raw, &mut self.shuffled)
         } else {
-            unzip(&mut self.inflate, packed, &mut self.raw)
+            self.inflate.unpack(packed, &mut self.raw)
         };
         result.map_err(|message| format!("block of values at offset {at}: {message}"))?;
         Ok(&self.raw)
     }
-}
-
-fn unzip(inflate: &mut Decompress, packed: &[u8], out: &mut [u8]) -> Parse<()> {
-    inflate.reset(true);
-    let expected = out.len();
-    let status = inflate
-        .decompress(packed, out, FlushDecompress::Finish)
-        .map_err(|error| format!("damaged deflate stream ({error})"))?;
-    if status != Status::StreamEnd || inflate.total_out() != expected as u64 {
-        return Err(format!("deflate stream does not hold the {expected} bytes expected"));
-    }
-    Ok(())
 }
 
 /// Decodes a frame of Blosc 1 into all of `out`. The format is that of c-blosc's `README_CHUNK_FORMAT`.
@@ -157,8 +145,7 @@ fn unpack_blosc(frame: &[u8], out: &mut [u8], shuffled: &mut Vec<u8>) -> Parse<(
             if length == stream.len() {
                 stream.copy_from_slice(packed);
             } else {
-                let size = lz4_flex::block::decompress_into(packed, stream)
-                    .map_err(|error| format!("damaged LZ4 stream ({error})"))?;
+                let size = unpack_lz4(packed, stream)?;
                 if size != stream.len() {
                     return Err(format!("LZ4 stream holds {size} bytes, {} expected", stream.len()));
                 }

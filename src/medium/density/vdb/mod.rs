@@ -16,11 +16,18 @@
 
 mod codec;
 mod cursor;
+#[cfg_attr(not(feature = "vdb"), path = "left_out.rs")]
+mod packed;
 mod reader;
 
 use crate::error::{Error, Result};
 use crate::math::DAffine3;
 use std::path::{Path, PathBuf};
+
+/// What is said of files where this was built without the feature that reads them.
+fn left_out() -> String {
+    Error::left_out("OpenVDB files", "vdb")
+}
 
 /// An open file: what it holds is known, voxels are read on demand.
 pub struct File {
@@ -184,6 +191,9 @@ impl File {
     /// # Errors
     /// [`Error::Asset`] if they are not a sound OpenVDB file.
     pub fn parse(bytes: Vec<u8>, path: &Path) -> Result<File> {
+        if cfg!(not(feature = "vdb")) {
+            return Err(Error::asset(path, left_out()));
+        }
         let listing = reader::list(&bytes).map_err(|message| Error::asset(path, message))?;
         let (grids, places) = listing.grids.into_iter().unzip();
         Ok(File {
