@@ -4,6 +4,28 @@
 //! beam radiance estimate (Jarosz, Zwicker and Jensen 2008), which gathers all photons along a ray in one query, an
 //! unbiased path tracer, and an unbiased light tracer, which knows the caustics that paths do not find.
 //!
+//! A [scene](scene::Description) comes from a file, from text, or from [code](scene::Draft), with the same keys, defaults and checks.
+//! [`render::render`] makes a [film](render::Film) of it in memory, on the current thread pool of `rayon`. Whoever calls it
+//! [hears](render::Progress) how far it is and may stop it at any time with what there is by then. There is no global state; nothing is
+//! printed, and no file is written that is not asked for; what is wrong with input is an [`Error`].
+//!
+//! # Example
+//!
+//! ```no_run
+//! use std::sync::atomic::AtomicBool;
+//! use volpm::{image, render, scene};
+//!
+//! # fn main() -> volpm::Result<()> {
+//! let description = scene::read("scenes/smoke.toml".as_ref(), &["film.width=320".to_string()])?;
+//! let (scene, settings) = scene::build(&description)?;
+//! let rendering = render::render(&scene, &settings, &render::Silent, &AtomicBool::new(false))?;
+//! image::write("smoke.png", &rendering.film.image().into(), &image::ToneSettings::default())?;
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! Longer ones are in `examples/`: `scene_in_code`, `progress_and_stop`, `plan_and_photons`, `two_methods`.
+//!
 //! # The way of the light
 //!
 //! ```text
@@ -35,20 +57,16 @@
 //! sRGB. Coefficients are per scene unit. Space is right-handed. Phase functions take the cosine between the
 //! directions of travel before and after, forward +1.
 //!
-//! # Example
+//! # Features
 //!
-//! ```no_run
-//! use std::sync::atomic::AtomicBool;
-//! use volpm::{image, render, scene};
+//! All are on by default; the library builds with none of them.
 //!
-//! # fn main() -> volpm::Result<()> {
-//! let description = scene::read("scenes/smoke.toml".as_ref(), &["film.width=320".to_string()])?;
-//! let (scene, settings) = scene::build(&description)?;
-//! let rendering = render::render(&scene, &settings, &render::Silent, &AtomicBool::new(false))?;
-//! image::write("smoke.png", &rendering.film.image().into(), &image::ToneSettings::default())?;
-//! # Ok(())
-//! # }
-//! ```
+//! | feature | |
+//! |---|---|
+//! | `vdb`, `obj`, `exr`, `png` | files that are read and written: OpenVDB; Wavefront OBJ; OpenEXR; PNG, JPEG and Radiance HDR. PFM and NumPy arrays always are. What a build leaves out is an error that names the feature |
+//! | `report` | what a comparison found, as a page: the module `report` |
+//! | `cli` | the program: the module `cli` |
+//! | `tev` | images sent to the viewer tev by the program |
 
 #![warn(missing_docs)]
 
