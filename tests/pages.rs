@@ -19,7 +19,7 @@ fn pages() -> Vec<PathBuf> {
             }
         }
     }
-    pages.extend(["README.md", "CONTRIBUTING.md", "CHANGELOG.md"].map(|name| root.join(name)).into_iter());
+    pages.extend(["README.md", "CONTRIBUTING.md", "CHANGELOG.md"].map(|name| root.join(name)));
     pages
 }
 
