@@ -8,16 +8,16 @@
 //! better, and set a flag when the user has seen enough. What was rendered until then stays.
 
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Sender, channel};
 use std::thread;
-use std::time::Duration;
 
 use volpm::render::{self, End, Film, Limits, Progress, Stats};
 use volpm::scene;
 
 const SCENE: &str = r#"
 [film]
-width = 160
-height = 120
+width = 80
+height = 60
 
 [camera]
 position = [0, 1, 6]
@@ -39,22 +39,32 @@ position = [1, 2, 0]
 intensity = 20
 
 [photons]
-volume = 50_000
+volume = 20_000
+
+[render]
+samples = 2
 "#;
 
-/// Prints phases, and the error whenever a pass has ended. `volpm::render::Callback` makes as much of a closure where no film is wanted.
-struct Listener;
+/// What a window would be told.
+enum News {
+    Phase(&'static str),
+    /// Passes, the mean of the image and its standard error.
+    Refined(u64, f64, Option<f64>),
+}
+
+/// Passes on news, and a picture whenever there is a better one. `volpm::render::Callback` makes as much of a closure where no film is wanted.
+struct Listener(Sender<News>);
 
 impl Progress for Listener {
     fn phase(&self, name: &'static str, _: u64) {
-        println!("{name}");
+        // Nobody need listen.
+        let _ = self.0.send(News::Phase(name));
     }
 
     fn advance(&self, _: u64) {}
 
     fn refined(&self, film: &Film, stats: &Stats) {
-        let error = film.error().map_or("unknown yet".to_string(), |error| format!("{:.2} %", 100.0 * error));
-        println!("  after {} passes: mean {:.4}, standard error {error}", stats.passes, film.image().mean());
+        let _ = self.0.send(News::Refined(stats.passes, film.image().mean(), film.error()));
     }
 }
 
@@ -63,11 +73,21 @@ fn main() -> volpm::Result<()> {
     let (scene, settings) = scene::build(&description)?;
     // As many passes as it takes, each with fresh photons, until somebody says stop.
     let limits = Limits { passes: Some(1..=u32::MAX), ..Limits::default() };
-    let stop = AtomicBool::new(false);
+    let (stop, (sender, news)) = (AtomicBool::new(false), channel());
     let rendering = thread::scope(|threads| {
-        let render = threads.spawn(|| render::refine(&scene, &settings, &limits, None, &Listener, &stop));
-        thread::sleep(Duration::from_secs(2));
-        stop.store(true, Ordering::Relaxed);
+        let listener = Listener(sender);
+        let render = threads.spawn(|| render::refine(&scene, &settings, &limits, None, &{ listener }, &stop));
+        for told in news {
+            match told {
+                News::Phase(name) => println!("{name}"),
+                News::Refined(passes, mean, error) => {
+                    let error = error.map_or("unknown yet".to_string(), |error| format!("{:.2} %", 100.0 * error));
+                    println!("  after {passes} passes: mean {mean:.4}, standard error {error}");
+                    // The user has seen enough.
+                    stop.store(passes >= 4, Ordering::Relaxed);
+                }
+            }
+        }
         render.join().expect("the renderer does not panic")
     })?;
     assert_eq!(rendering.end, End::Interrupted);

@@ -1,7 +1,7 @@
 //! The same scene by photons and by paths, and how far apart they are: the check that `volpm diff` makes of files, in memory.
 //!
 //! ```sh
-//! cargo run --release --example two_methods -- scenes/new/fog.toml
+//! cargo run --release --example two_methods -- scenes/cornell-fog.toml
 //! ```
 //!
 //! Paths have noise and no bias, photons a little blur and hardly any noise; what is left of their difference is both.
@@ -15,7 +15,7 @@ use volpm::render::{self, Silent};
 use volpm::scene;
 
 fn main() -> volpm::Result<()> {
-    let path = std::env::args_os().nth(1).map_or_else(|| PathBuf::from("scenes/new/fog.toml"), PathBuf::from);
+    let path = std::env::args_os().nth(1).map_or_else(|| PathBuf::from("scenes/cornell-fog.toml"), PathBuf::from);
     let photons = rendered(&path, &["render.method=\"photon\"", "render.samples=4"])?;
     let paths = rendered(&path, &["render.method=\"path\"", "render.samples=64"])?;
     for (name, image) in [("photons", &photons), ("paths", &paths)] {

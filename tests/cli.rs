@@ -658,6 +658,24 @@ fn plans_and_manuals_are_printed() {
     }
 }
 
+/// The most memory that a plan foretells is what the render takes, to a fifth.
+#[test]
+#[cfg(target_os = "linux")]
+fn plans_foretell_memory() {
+    let folder = workplace();
+    for photons in ["photons.volume=100000", "photons.volume=400000"] {
+        let options = ["--set", photons, "--threads", "2"];
+        let plan = run(folder.path(), &[&["plan", NAME, "--json"], &options[..]].concat());
+        let plan: Value = serde_json::from_slice(&plan.stdout).unwrap();
+        let render = ["render", NAME, "--quiet", "-o", "a.pfm", "--stats", "stats.json"];
+        let done = run(folder.path(), &[&render[..], &options].concat());
+        assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+        let stats: Value = serde_json::from_slice(&fs::read(folder.path().join("stats.json")).unwrap()).unwrap();
+        let [told, found] = [&plan, &stats].map(|figures| figures["bytes"]["peak"].as_f64().unwrap());
+        assert!((told / found - 1.0).abs() < 0.2, "{photons}: {told} told, {found} found");
+    }
+}
+
 /// A warning shows the line that it is about, and is an error to every command that reads a scene and is asked for that.
 #[test]
 fn warnings_show_their_line_and_may_be_errors() {

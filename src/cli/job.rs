@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
+use super::picture::default_endings;
 use super::planned::Planned;
 use crate::image;
 use crate::render::{self, Limits};
@@ -119,7 +120,7 @@ impl Job {
         let folder = arguments.folder.clone().unwrap_or_else(|| format!("{stem}.passes").into());
         let mut outs: Vec<String> = arguments.out.iter().map(line).collect::<Result<_>>()?;
         if outs.is_empty() {
-            outs.extend([format!("{stem}.exr"), format!("{stem}.png")]);
+            outs.extend(default_endings().iter().map(|ending| format!("{stem}{ending}")));
         }
         outs.push(format!("{stem}.checkpoint"));
         Ok(Job {

@@ -1,6 +1,6 @@
 //! Films as pictures.
 
-use crate::image::{Attribute, Picture, ToneMap, ToneSettings};
+use crate::image::{Attribute, Format, Picture, ToneMap, ToneSettings};
 use crate::render::checkpoint::Subject;
 use crate::render::{Film, Stats};
 use crate::scene::description;
@@ -13,6 +13,13 @@ pub struct Facts<'f> {
     pub method: &'f str,
     /// The seeds of its passes.
     pub seeds: Vec<u64>,
+}
+
+/// The endings of what is written where nobody says what: all light, and what one looks at, as far as this was built with them.
+pub fn default_endings() -> Vec<&'static str> {
+    let endings = [(Format::Exr, ".exr"), (Format::Png, ".png")].into_iter();
+    let endings: Vec<&str> = endings.filter(|(format, _)| format.is_built_in()).map(|(_, ending)| ending).collect();
+    if endings.is_empty() { vec![".pfm"] } else { endings }
 }
 
 /// A film as a picture with layers and attributes.

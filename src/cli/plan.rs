@@ -6,6 +6,7 @@ use clap::Args;
 
 use super::planned::{Loaded, Planned};
 use crate::Result;
+use crate::compare::{peak_bytes, resident_bytes};
 use crate::render::{Forecast, Item, Limits};
 
 #[derive(Args)]
@@ -24,8 +25,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let planned = &arguments.planned;
     let (loaded, forecast) = super::pool(planned.threads)?.install(|| -> Result<_> {
         let loaded = planned.load()?;
+        let memory = resident_bytes().zip(peak_bytes());
         let limits = Limits { memory: planned.memory, ..Limits::default() };
-        let forecast = Forecast::new(&loaded.scene, &loaded.settings, &limits, loaded.choice.as_ref())?;
+        let mut forecast = Forecast::new(&loaded.scene, &loaded.settings, &limits, loaded.choice.as_ref())?;
+        if let Some((resident, most)) = memory {
+            forecast.bytes.foretell(resident, most);
+        }
         Ok((loaded, forecast))
     })?;
     for warning in &loaded.scene.warnings {
@@ -67,7 +72,8 @@ fn table(loaded: &Loaded, forecast: &Forecast) -> String {
         ("voxels", bytes.density),
     ];
     let sizes: Vec<String> = sizes.iter().map(|(what, bytes)| format!("{what} {}", megabytes(*bytes))).collect();
-    let _ = writeln!(text, "\nmemory: {}", sizes.join(", "));
+    let peak = bytes.peak.map_or_else(String::new, |peak| format!("; {} at most, with the program", megabytes(peak)));
+    let _ = writeln!(text, "\nmemory: {}{peak}", sizes.join(", "));
     text
 }
 

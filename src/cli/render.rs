@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use serde::Serialize;
 
-use super::picture::{Facts, picture, tone};
+use super::picture::{Facts, default_endings, picture, tone};
 use super::planned::{Loaded, Planned, warned};
 use super::progress::Bar;
 #[cfg(feature = "tev")]
@@ -282,9 +282,7 @@ fn outputs(arguments: &Arguments) -> Result<Vec<PathBuf>> {
         name.push(ending);
         PathBuf::from(name)
     };
-    let written = [(Format::Exr, ".exr"), (Format::Png, ".png")].into_iter().filter(|(format, _)| format.is_built_in());
-    let written: Vec<PathBuf> = written.map(|(_, ending)| with(ending)).collect();
-    Ok(if written.is_empty() { vec![with(".pfm")] } else { written })
+    Ok(default_endings().into_iter().map(with).collect())
 }
 
 /// Each medium's bounds, range of extinction and optical depth; then warnings.

@@ -72,6 +72,20 @@ pub struct Bytes {
     pub surface_maps: u64,
     /// Voxels.
     pub density: u64,
+    /// The most that maps take together with photons as they were traced, which are there beside a map while it is built.
+    pub building: u64,
+    /// The most that the process will hold; only where [`Bytes::foretell`] was told what it holds already.
+    pub peak: Option<u64>,
+}
+
+impl Bytes {
+    /// Foretells the most that a process will hold which has loaded the scene: that takes `resident` bytes now, and took `most` meanwhile.
+    pub fn foretell(&mut self, resident: u64, most: u64) {
+        // What threads and pilots hold; found on the scenes of `scenes/`.
+        const SCRATCH: u64 = 2 << 20;
+        let rendering = resident + self.film + self.building + SCRATCH;
+        self.peak = Some(rendering.max(most));
+    }
 }
 
 impl Forecast {
@@ -85,8 +99,12 @@ impl Forecast {
         let samples = sample::Samples::take(scene, &plan)?;
         let mut forecast = Forecast::of(scene, settings, limits, &plan, choice);
         forecast.items = items::of(scene, settings, limits, (&plan, choice), Some(&samples));
-        forecast.bytes =
-            Bytes { volume_map: samples.volume_bytes(), surface_maps: samples.surface_bytes(), ..forecast.bytes };
+        forecast.bytes = Bytes {
+            volume_map: samples.volume_bytes(),
+            surface_maps: samples.surface_bytes(),
+            building: samples.building_bytes(),
+            ..forecast.bytes
+        };
         Ok(forecast)
     }
 

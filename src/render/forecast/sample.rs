@@ -2,7 +2,7 @@
 
 use crate::Result;
 use crate::gather::{GlobalMap, SurfaceMap, VisibilityMap};
-use crate::photon::{Kind, Landed, Traced, sample, sample_surfaces, trace_shadows};
+use crate::photon::{Kind, Landed, Photon, Traced, sample, sample_surfaces, trace_shadows};
 use crate::render::maps::{Maps, mean_extinctions, shadow_order, surface_order, wanted};
 use crate::render::pass::order;
 use crate::render::plan::Plan;
@@ -74,6 +74,14 @@ impl Samples {
     /// Bytes of the maps of photons in media.
     pub fn volume_bytes(&self) -> u64 {
         self.volume.as_ref().map_or(0, |map| map.bytes)
+    }
+
+    /// The most bytes of maps and of photons that are not in one yet: those of media come first, those on surfaces beside their map.
+    pub fn building_bytes(&self) -> u64 {
+        let traced = |map: &Expected| map.stored * size_of::<Photon>() as u64;
+        let media = self.volume.as_ref().map_or(0, traced);
+        let surfaces = [&self.caustic, &self.global].into_iter().flatten().map(traced).max().unwrap_or(0);
+        self.volume_bytes() + media.max(self.surface_bytes() + surfaces)
     }
 
     /// Bytes of the maps of photons on surfaces.
