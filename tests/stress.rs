@@ -215,6 +215,8 @@ fn a_far_shape_changes_nothing() {
     }
     let error = try_render("closed", &["shapes.1.max=[6,6,1e18]"]).expect_err("no digits are left").to_string();
     assert!(error.contains("shapes.1: this shape reaches"), "{error}");
+    let error = try_render("column", &["shapes.0.max=[1,1,1e18]"]).expect_err("nor are any for voxels").to_string();
+    assert!(error.contains("media.smoke: its voxels are"), "{error}");
 }
 
 /// From afar, a grid is many thousand steps away: samples along rays count them all, and tables of them end where they should.

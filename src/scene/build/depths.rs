@@ -1,15 +1,18 @@
-//! Matter so dense that light in it does not get from one number to the next.
+//! Matter so dense, or so far away, that light in it does not get from one number to the next.
 
-use crate::Result;
 use crate::medium::Medium;
 use crate::scene::Scene;
 use crate::scene::description as said;
+use crate::{Error, Result};
 
 /// Mean free paths across a solid, at most: the lit surface of one of 10¹³ is right to 2 %, where that of one of 10¹⁵ is half as bright
 /// as it should be, for want of digits.
 const DEEPEST: f64 = 1e13;
 
-/// Refuses media that are deeper than any path could tell.
+/// Voxels from the scene's origin, at most: within each, numbers still tell some fifty places.
+const FARTHEST: f64 = 1e14;
+
+/// Refuses media that are deeper than any path could tell, and those that reach where their voxels have no digits left.
 ///
 /// # Errors
 /// [`Error::Scene`](crate::Error::Scene), with the medium's place and that of its densest voxel.
@@ -18,6 +21,18 @@ pub(super) fn refuse_endless(scene: &Scene, media: &[said::Medium]) -> Result<()
     let around = scene.world.map(|world| (world, scene.near_bounds()));
     for (index, bounds) in inside.chain(around) {
         let medium: &Medium = &scene.media[index as usize];
+        let place = || media.iter().find(|said| said.name == medium.name).map(|said| &said.place);
+        let refused =
+            |message: String| Err(place().map_or_else(|| Error::Scene(message.clone()), |place| place.error(&message)));
+        let farthest = bounds.min.abs().max(bounds.max.abs()).max_element();
+        if let Some(grid) = medium.density.voxels()
+            && farthest > FARTHEST * grid.voxel_size()
+        {
+            return refused(format!(
+                "its voxels are {:.1e} wide, and it is met up to {farthest:.1e} from the scene's middle, which leaves no digits for them: expected at most {FARTHEST:.0e} voxels",
+                grid.voxel_size()
+            ));
+        }
         let extent = bounds.intersection(medium.density.support()).diagonal();
         let depth = medium.max_extinction() * extent;
         if depth <= DEEPEST {
@@ -27,11 +42,9 @@ pub(super) fn refuse_endless(scene: &Scene, media: &[said::Medium]) -> Result<()
         let voxel = voxel.map_or(String::new(), |[i, j, k]| {
             format!(", by the {:.1e} of its voxel ({i}, {j}, {k})", medium.density.max())
         });
-        let message = format!(
+        return refused(format!(
             "optical depths up to {depth:.1e}{voxel}: expected at most {DEEPEST:.0e}, a scale in which light gets anywhere"
-        );
-        let place = media.iter().find(|said| said.name == medium.name).map(|said| &said.place);
-        return Err(place.map_or_else(|| crate::Error::Scene(message.clone()), |place| place.error(&message)));
+        ));
     }
     Ok(())
 }
