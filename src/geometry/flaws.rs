@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use super::mesh::Mesh;
-use crate::math::{Bounds, DVec3};
+use crate::math::{Bounds, DVec3, DisjointSets};
 
 /// A rim narrower than this share of its mesh is that of a hole, not the end of a sheet.
 const NARROW: f64 = 0.5;
@@ -80,28 +80,13 @@ impl Mesh {
 
 /// The middles of open edges, rim by rim: edges that hang together.
 fn rims(open: &[((Key, Key), DVec3)]) -> Vec<Vec<DVec3>> {
-    let mut at: HashMap<Key, Vec<usize>> = HashMap::new();
+    let mut sets = DisjointSets::new(open.len());
+    let mut first: HashMap<Key, usize> = HashMap::new();
     for (index, ((a, b), _)) in open.iter().enumerate() {
-        at.entry(*a).or_default().push(index);
-        at.entry(*b).or_default().push(index);
+        sets.join(index, *first.entry(*a).or_insert(index));
+        sets.join(index, *first.entry(*b).or_insert(index));
     }
-    let mut known = vec![false; open.len()];
-    let mut rims = Vec::new();
-    for start in 0..open.len() {
-        let (mut rim, mut next) = (Vec::new(), vec![start]);
-        while let Some(index) = next.pop() {
-            if std::mem::replace(&mut known[index], true) {
-                continue;
-            }
-            let ((a, b), middle) = open[index];
-            rim.push(middle);
-            next.extend([a, b].iter().flat_map(|end| &at[end]));
-        }
-        if !rim.is_empty() {
-            rims.push(rim);
-        }
-    }
-    rims
+    sets.groups().into_iter().map(|rim| rim.into_iter().map(|index| open[index].1).collect()).collect()
 }
 
 #[cfg(test)]

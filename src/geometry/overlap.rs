@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use rayon::prelude::*;
 
 use super::Mesh;
-use crate::math::{Bounds, DVec3};
+use crate::math::{Bounds, DVec3, DisjointSets};
 
 /// Of each part that hangs together, at most so many triangles are looked at from both sides.
 const LOOKS: usize = 64;
@@ -41,34 +41,23 @@ impl Mesh {
 
     /// Whether a part that hangs together lies within another, and faces as that does. No triangles cross.
     fn is_nested(&self) -> bool {
-        // Parts by union–find over corners.
+        // Triangles hang together by corners.
         let count = self.triangle_count() as u32;
-        let mut parent: Vec<u32> = (0..count).collect();
-        fn root(parent: &mut [u32], mut i: u32) -> u32 {
-            while parent[i as usize] != i {
-                parent[i as usize] = parent[parent[i as usize] as usize];
-                i = parent[i as usize];
-            }
-            i
-        }
+        let mut sets = DisjointSets::new(count as usize);
         let mut first: HashMap<[u32; 3], u32> = HashMap::with_capacity(count as usize / 2);
         for triangle in 0..count {
             for corner in self.corners(triangle) {
                 let place = (corner + DVec3::ZERO).as_vec3().to_array().map(f32::to_bits);
                 let other = *first.entry(place).or_insert(triangle);
-                let (a, b) = (root(&mut parent, triangle), root(&mut parent, other));
-                parent[a.max(b) as usize] = a.min(b);
+                sets.join(triangle as usize, other as usize);
             }
         }
         drop(first);
-        let mut parts: Vec<(u32, u32)> = (0..count).map(|i| (root(&mut parent, i), i)).collect();
-        parts.sort_unstable();
-        let parts: Vec<&[(u32, u32)]> = parts.chunk_by(|a, b| a.0 == b.0).collect();
         // Inside behind each face, and outside before it.
         let step = 1e-6 * self.bounds().diagonal();
-        parts.into_par_iter().any(|part| {
-            part.iter().step_by(part.len().div_ceil(LOOKS)).any(|&(_, triangle)| {
-                let [a, b, c] = self.corners(triangle);
+        sets.groups().into_par_iter().any(|part| {
+            part.iter().step_by(part.len().div_ceil(LOOKS)).any(|&triangle| {
+                let [a, b, c] = self.corners(triangle as u32);
                 let (middle, normal) = ((a + b + c) / 3.0, (b - a).cross(c - a).normalize_or_zero());
                 let size = (b - a).cross(c - a).length().sqrt();
                 let aside = step.min(1e-3 * size) * normal;

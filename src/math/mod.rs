@@ -10,6 +10,7 @@ mod choice;
 mod frame;
 pub mod random;
 pub mod sampling;
+mod sets;
 pub mod wide;
 
 pub use bounds::Bounds;
@@ -17,6 +18,7 @@ pub use cells::Cells;
 pub use choice::{Choice, Distribution, choose};
 pub use frame::Frame;
 pub use random::Stream;
+pub use sets::DisjointSets;
 
 pub use glam::{DAffine3, DMat3, DMat4, DVec2, DVec3, Vec3};
 

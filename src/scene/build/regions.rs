@@ -3,21 +3,14 @@
 use std::collections::HashMap;
 
 use crate::light::{Light, Surroundings};
-use crate::math::{Bounds, Rgb};
+use crate::math::{Bounds, DisjointSets, Rgb};
 use crate::scene::{Scene, Solid};
 
 /// Numbers the regions: solids with the same medium and index that touch share one, as does the world.
 pub(super) fn join_regions(scene: &mut Scene) {
     let count = scene.solids.len();
-    // Union–find over solids and, last, the world.
-    let mut parent: Vec<usize> = (0..=count).collect();
-    fn root(parent: &mut [usize], mut i: usize) -> usize {
-        while parent[i] != i {
-            parent[i] = parent[parent[i]];
-            i = parent[i];
-        }
-        i
-    }
+    // Solids and, last, the world.
+    let mut sets = DisjointSets::new(count + 1);
     let margin = 1e-9 * scene.geometry.all_bounds().diagonal();
     let boxes: Vec<Bounds> =
         scene.solids.iter().map(|solid| scene.geometry.bounds(solid.shape).grown(margin)).collect();
@@ -27,8 +20,7 @@ pub(super) fn join_regions(scene: &mut Scene) {
     let index = |solid: &Solid| solid.index.unwrap_or(Rgb::ONE);
     for i in 0..count {
         if scene.solids[i].medium == scene.world && index(&scene.solids[i]) == Rgb::ONE {
-            let (a, b) = (root(&mut parent, i), root(&mut parent, count));
-            parent[a.min(b)] = a.max(b);
+            sets.join(i, count);
         }
         // Solids that no surface bounds are overlaps of others.
         near.clear();
@@ -37,8 +29,7 @@ pub(super) fn join_regions(scene: &mut Scene) {
             let (one, other) = (&scene.solids[i], &scene.solids[j]);
             let same = one.medium == other.medium && index(one) == index(other);
             if same && boxes[i].overlaps(&boxes[j]) {
-                let (a, b) = (root(&mut parent, i), root(&mut parent, j));
-                parent[a.min(b)] = a.max(b);
+                sets.join(i, j);
             }
         }
     }
@@ -47,9 +38,9 @@ pub(super) fn join_regions(scene: &mut Scene) {
         let next = numbers.len() as u32;
         *numbers.entry(root).or_insert(next)
     };
-    scene.world_region = number(root(&mut parent, count));
+    scene.world_region = number(sets.root(count));
     for i in 0..count {
-        scene.solids[i].region = number(root(&mut parent, i));
+        scene.solids[i].region = number(sets.root(i));
     }
     scene.regions = numbers.len() as u32;
     scene.region_media = vec![scene.world; numbers.len()];
