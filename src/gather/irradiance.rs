@@ -403,7 +403,8 @@ impl Mesh<'_> {
 /// edge and what is behind it, it is the latter that comes out or hides as the place moves: with the plain mean, a bright ball would
 /// seem to grow as one looks around it.
 fn revealed(corners: &[(DVec3, Rgb); 3]) -> Rgb {
-    let weights = corners.map(|(end, _)| end.length_squared());
+    // Ends may lie at the place itself, where faces coincide.
+    let weights = corners.map(|(end, _)| end.length_squared().max(f64::MIN_POSITIVE));
     let sum: f64 = weights.iter().sum();
     corners.iter().zip(weights).map(|((_, radiance), weight)| weight / sum * *radiance).sum()
 }

@@ -21,9 +21,11 @@ pub(super) fn refuse_endless(scene: &Scene, media: &[said::Medium]) -> Result<()
     let around = scene.world.map(|world| (world, scene.near_bounds()));
     for (index, bounds) in inside.chain(around) {
         let medium: &Medium = &scene.media[index as usize];
-        let place = || media.iter().find(|said| said.name == medium.name).map(|said| &said.place);
-        let refused =
-            |message: String| Err(place().map_or_else(|| Error::Scene(message.clone()), |place| place.error(&message)));
+        let place = media.iter().find(|said| said.name == medium.name).map(|said| &said.place);
+        let refused = |message: String| match place {
+            Some(place) => Err(place.error(message)),
+            None => Err(Error::Scene(message)),
+        };
         let farthest = bounds.min.abs().max(bounds.max.abs()).max_element();
         if let Some(grid) = medium.density.voxels()
             && farthest > FARTHEST * grid.voxel_size()
