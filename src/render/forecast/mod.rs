@@ -74,6 +74,9 @@ pub struct Bytes {
     pub density: u64,
     /// The most that maps take together with photons as they were traced, which are there beside a map while it is built.
     pub building: u64,
+    /// What the allocator keeps of photons that are gone.
+    #[serde(skip)]
+    kept: u64,
     /// The most that the process will hold; only where [`Bytes::foretell`] was told what it holds already.
     pub peak: Option<u64>,
 }
@@ -83,7 +86,7 @@ impl Bytes {
     pub fn foretell(&mut self, resident: u64, most: u64) {
         // What threads and pilots hold; found on the scenes of `scenes/`.
         const SCRATCH: u64 = 2 << 20;
-        let rendering = resident + self.film + self.building + SCRATCH;
+        let rendering = resident + self.film + self.building + self.kept + SCRATCH;
         self.peak = Some(rendering.max(most));
     }
 }
@@ -103,6 +106,7 @@ impl Forecast {
             volume_map: samples.volume_bytes(),
             surface_maps: samples.surface_bytes(),
             building: samples.building_bytes(),
+            kept: samples.kept_bytes(),
             ..forecast.bytes
         };
         Ok(forecast)

@@ -76,18 +76,34 @@ impl Samples {
         self.volume.as_ref().map_or(0, |map| map.bytes)
     }
 
-    /// The most bytes of maps and of photons that are not in one yet: those of media come first, those on surfaces beside their map.
+    /// The most bytes of maps and of photons that are not in one yet. Those of media are copied into their map, and are gone when its
+    /// hierarchy is built; those on surfaces come later, beside their map.
     pub fn building_bytes(&self) -> u64 {
-        let traced = |map: &Expected| map.stored * size_of::<Photon>() as u64;
-        let media = self.volume.as_ref().map_or(0, traced);
-        let surfaces = [&self.caustic, &self.global].into_iter().flatten().map(traced).max().unwrap_or(0);
-        self.volume_bytes() + media.max(self.surface_bytes() + surfaces)
+        let media = self.volume.as_ref().map_or(0, traced_bytes);
+        let copied = media + media.min(self.volume_bytes());
+        copied.max(self.volume_bytes() + self.surface_bytes() + self.landed_bytes())
+    }
+
+    /// The most bytes of photons that the allocator keeps when they are in a map: what it holds in small pieces it does not return.
+    pub fn kept_bytes(&self) -> u64 {
+        const SMALL: u64 = 16 << 20;
+        (self.volume.as_ref().map_or(0, traced_bytes) + self.landed_bytes()).min(SMALL) / 2
+    }
+
+    /// Bytes of the photons of a map on surfaces, of the larger one.
+    fn landed_bytes(&self) -> u64 {
+        [&self.caustic, &self.global].into_iter().flatten().map(traced_bytes).max().unwrap_or(0)
     }
 
     /// Bytes of the maps of photons on surfaces.
     pub fn surface_bytes(&self) -> u64 {
         [&self.caustic, &self.global, &self.shadow].into_iter().flatten().map(|map| map.bytes).sum()
     }
+}
+
+/// Bytes of a map's photons as they were traced.
+fn traced_bytes(map: &Expected) -> u64 {
+    map.stored * size_of::<Photon>() as u64
 }
 
 /// As much as there is in all, if `part` is what a part of the emissions leave.
