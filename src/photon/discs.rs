@@ -4,7 +4,7 @@ use super::PackedNormal;
 use super::kernel::Profile;
 use super::radius::{InMedium, Limits, MAX_RADIUS, MIN_RADIUS, Radii, Radius};
 use super::simd::{Isa, LANES, Row};
-use super::store::{self, Blocks, Node, Photon, Widths, ordered, photons_in, storable};
+use super::store::{self, Blocks, Kept, Node, Photon, Widths, ordered, photons_in, storable};
 use crate::math::{Bounds, Vec3};
 use rayon::prelude::*;
 use smallvec::SmallVec;
@@ -20,6 +20,8 @@ pub struct MapSettings {
     pub scale: f32,
     /// Whether photons remember their number of events.
     pub tagged: bool,
+    /// Whether photons keep their directions: needless where light is scattered alike in all directions.
+    pub directions: bool,
     /// Whether walls near a photon correct its contribution.
     pub boundaries: bool,
     /// Whether photons count in proportion to the density where rays pass them.
@@ -27,9 +29,10 @@ pub struct MapSettings {
 }
 
 impl MapSettings {
-    /// The biweight, untagged, corrected at walls, radii as they are.
+    /// The biweight, untagged, with directions, corrected at walls, radii as they are.
     pub fn new(radius: Radius) -> Self {
-        MapSettings { radius, profile: Profile::Biweight, scale: 1.0, tagged: false, boundaries: true, fluence: false }
+        let (profile, scale) = (Profile::Biweight, 1.0);
+        MapSettings { radius, profile, scale, tagged: false, directions: true, boundaries: true, fluence: false }
     }
 }
 
@@ -81,8 +84,8 @@ const BOXES_BELOW: f64 = 0.5;
 
 /// Photons, their discs' radii, and a hierarchy over the discs.
 ///
-/// About 39 bytes a photon, 4 more if radii vary; one more if tagged, 16 to 48 more for those in blocks near walls.
-/// While it is built, 48 at most besides walls.
+/// About 40 bytes a photon, 12 less without directions, 8 less where the power of each is the same in all channels; 4 more if radii vary,
+/// one more if tagged, 16 to 48 more for those in blocks near walls. While it is built, as much again as photons take that are not in it yet.
 #[derive(Clone, Debug)]
 pub struct PhotonMap {
     pub(crate) blocks: Blocks,
@@ -139,16 +142,20 @@ impl PhotonMap {
         let isa = Isa::best();
         let peak = settings.profile.disc_peak() as f32;
         let photons = ordered(photons);
+        let kept = |inverse_square, gain| {
+            let MapSettings { directions, tagged, .. } = *settings;
+            Kept { inverse_square, gain, directions, tagged }
+        };
         let own;
         let (blocks, events, radii) = match settings.radius {
             Radius::Fixed(radius) => {
                 let r = (radius * settings.scale).clamp(MIN_RADIUS, MAX_RADIUS);
                 let square = 1.0 / (r * r);
-                let (blocks, events) = Blocks::new(photons, Some(square), peak * square, settings.tagged);
+                let (blocks, events) = Blocks::new(photons, &kept(Some(square), peak * square));
                 (blocks, events, Widths::Same(r))
             }
             Radius::Variable { neighbours, pilot, max_radius } => {
-                let (mut blocks, events) = Blocks::new(photons, None, 1.0, settings.tagged);
+                let (mut blocks, events) = Blocks::new(photons, &kept(None, 1.0));
                 own = radii_of(isa, &blocks, count, (neighbours, pilot), (max_radius, settings.scale));
                 blocks.spread(count, &own, peak);
                 (blocks, events, Widths::Own(&own))
@@ -198,15 +205,15 @@ impl PhotonMap {
         self.photons == 0
     }
 
-    /// The photons, in the order of the hierarchy, to roundings.
+    /// The photons, in the order of the hierarchy, to roundings; their directions are zero where they are not kept.
     pub fn discs(&self) -> impl Iterator<Item = Disc> + '_ {
         (0..self.photons).map(|index| {
             let (block, lane) = (self.blocks.get(index / LANES), index % LANES);
-            let of = |rows: &[Row; 3]| Vec3::from(rows.each_ref().map(|row| row.0[lane]));
+            let of = |rows: [&Row; 3]| Vec3::from(rows.map(|row| row.0[lane]));
             let inverse_square = block.inverse_square.0[lane];
             let photon = Photon {
-                position: of(block.position),
-                direction: of(block.direction),
+                position: of(block.position.each_ref()),
+                direction: block.direction.map_or(Vec3::ZERO, |rows| of(rows.each_ref())),
                 power: of(block.power) / (self.profile.disc_peak() as f32 * inverse_square),
                 events: self.events.get(index / LANES).map_or(0, |events| events[lane]),
                 normal: PackedNormal::default(),
@@ -382,8 +389,9 @@ mod tests {
 
     #[test]
     fn nearest_distances_equal_those_of_a_search_through_all() {
+        let kept = Kept { inverse_square: None, gain: 1.0, directions: false, tagged: false };
         for (count, m) in [(2, 1), (3, 2), (16, 5), (17, 16), (40, 23), (500, 1), (3000, 23), (3000, 700)] {
-            let (blocks, _) = Blocks::new(ordered(uneven(count)), None, 1.0, false);
+            let (blocks, _) = Blocks::new(ordered(uneven(count)), &kept);
             let (nodes, _) = store::build(&blocks, count, Widths::Same(0.0));
             let at = |i: usize| blocks.get(i / LANES).position.each_ref().map(|row| f64::from(row.0[i % LANES]));
             let all: Vec<[f64; 3]> = (0..count).map(at).collect();

@@ -10,7 +10,7 @@ use crate::Result;
 use crate::gather::{Confines, GlobalMap, PointMaps, SurfaceMap, VisibilityMap, VolumeMaps};
 use crate::medium::Medium;
 use crate::medium::density::Density;
-use crate::medium::phase::Peak;
+use crate::medium::phase::{Peak, Phase};
 use crate::photon::{
     Kind, Landed, MapSettings, Photon, PhotonMap, PointMap, PointSettings, Radii, Radius, ShadowPass, ShadowPhoton,
     Shadows, SurfacePass, narrowing, trace_shadows, trace_surfaces,
@@ -262,6 +262,7 @@ fn beam_maps(
         let fluence = tells_fluence(scene, region);
         let settings = MapSettings {
             tagged: plan.tagged,
+            directions: asks_directions(scene, region),
             scale,
             profile: plan.profile,
             boundaries: corrects,
@@ -304,6 +305,11 @@ fn uneven_density(scene: &Scene, region: u32) -> Option<&Density> {
 /// Whether photons of a region tell the fluence, and not where they collide.
 pub(super) fn tells_fluence(scene: &Scene, region: u32) -> bool {
     scene.region_media[region as usize].is_some_and(|medium| scene.uneven(medium).is_some())
+}
+
+/// Whether light in a region is scattered by where it comes from.
+fn asks_directions(scene: &Scene, region: u32) -> bool {
+    !medium_of(scene, region).and_then(|medium| medium.phase.even()).is_some_and(Phase::is_even)
 }
 
 fn point_maps(

@@ -82,7 +82,7 @@ pub(in crate::gather) fn add_block<L: Lanes>(
     // The kernel's shape c₀ + c₁q + c₂q², and the phase function p.
     let [c0, c1, c2] = map.shape;
     let shape = q.mul_add(q.mul_add(L::splat(c2), L::splat(c1)), L::splat(c0));
-    let mut factor = shape.mul(phase.values(&load3::<L>(block.direction))).mul(stretch);
+    let mut factor = shape.mul(phase.values(&block.direction.map_or([zero; 3], load3))).mul(stretch);
 
     // Walls: the kernel by the share of it that they leave; nothing from beyond them.
     let walls = if confined.is_none() { map.walls(index) } else { &[] };
@@ -128,7 +128,7 @@ pub(in crate::gather) fn add_block<L: Lanes>(
 
     // Transmittance T, with roulette where it is small; the power; the sums.
     let weights = transmittance.weigh(factor, t, bits, pruning);
-    let power = load3::<L>(block.power);
+    let power: [L; 3] = block.power.map(L::load);
     for channel in 0..3 {
         found.total[channel] = weights[channel].keep(mask).mul_add(power[channel], found.total[channel]);
     }

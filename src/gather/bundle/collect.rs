@@ -196,7 +196,10 @@ impl<F: FnMut(usize, &mut Collected)> Task for Collect<'_, F> {
                         }
                         let kind = kind(events, layer);
                         let near = near[kind].get_or_insert_with(|| Collected::new(layer));
-                        near.write(&x, inverse_square, &load3(block.direction), &load3(block.power), some);
+                        near.write(&x, inverse_square, &block.power.map(L::load), some);
+                        if let Some(direction) = block.direction {
+                            near.write_direction(&load3::<L>(direction), some);
+                        }
                         for (number, wall) in walls[..layer].iter().enumerate() {
                             near.write_wall(number, &load3(&wall.normal), L::load(&wall.distance), some);
                         }

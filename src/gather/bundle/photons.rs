@@ -117,18 +117,16 @@ impl Collected {
 
     /// Writes the photons of `bits` behind the last one; they count once [`Collected::advance`] is called.
     #[inline(always)]
-    pub(super) fn write<L: Lanes>(
-        &mut self,
-        position: &[L; 3],
-        inverse_square: L,
-        direction: &[L; 3],
-        power: &[L; 3],
-        bits: u16,
-    ) {
+    pub(super) fn write<L: Lanes>(&mut self, position: &[L; 3], inverse_square: L, power: &[L; 3], bits: u16) {
         write3(&mut self.fields, Self::POSITION, self.len, position, bits);
-        write3(&mut self.fields, Self::DIRECTION, self.len, direction, bits);
         write3(&mut self.fields, Self::POWER, self.len, power, bits);
         self.fields[Self::INVERSE_SQUARE].write(self.len, inverse_square, bits);
+    }
+
+    /// Writes the directions of the photons of `bits`; where none are written, they are those of other photons, or zero.
+    #[inline(always)]
+    pub(super) fn write_direction<L: Lanes>(&mut self, direction: &[L; 3], bits: u16) {
+        write3(&mut self.fields, Self::DIRECTION, self.len, direction, bits);
     }
 
     /// Writes a wall of the photons of `bits`.

@@ -149,6 +149,47 @@ fn bundles_gather_what_their_rays_gather() {
     }
 }
 
+/// What all photons of a map share is not stored, and no query answers otherwise for that: grey light scattered alike in all directions takes
+/// 25 bytes a photon at most, 21 with one radius.
+#[test]
+fn what_photons_share_is_not_stored() {
+    let mut photons = photons(20_000);
+    for photon in &mut photons {
+        photon.power = Vec3::splat(photon.power.x);
+    }
+    let coloured = photons.iter().map(|photon| Photon { power: photon.power * Vec3::new(1.0, 1.0, 0.5), ..*photon });
+    let coloured: Vec<Photon> = coloured.collect();
+    let rays = rays(DVec3::new(3.0, 1.0, -4.0), 0.05, 0.003, (0.0, f64::INFINITY));
+    let no_walls = |_: Vec3, _: f32, _: f32, _: &mut _| ();
+    let variable = Radius::Variable { neighbours: 60, pilot: 8, max_radius: 0.3 };
+    for (radius, most) in [(Radius::Fixed(0.1), 21.0), (variable, 25.0)] {
+        let build = |photons: &Vec<Photon>, directions| {
+            PhotonMap::build(photons.clone(), &MapSettings { directions, ..MapSettings::new(radius) }, &no_walls)
+        };
+        let (lean, full) = (build(&photons, false), build(&coloured, true));
+        let [lean_bytes, full_bytes] = [&lean, &full].map(|map| map.bytes() as f64 / map.len() as f64);
+        assert!(lean_bytes < most && full_bytes > lean_bytes + 19.9, "{lean_bytes} and {full_bytes} bytes a photon");
+        let phase = &PhaseLanes::new(Isotropic);
+        let extinction = Vec3::splat(0.7);
+        let bundle = Bundle { rays: &rays, phase, extinction, max_events: u8::MAX, pruned: false, depths: None };
+        let found = [&lean, &full].map(|map| {
+            let (mut stats, mut gathered, mut streamed) = Default::default();
+            map.gather_bundle(&bundle, &mut BundleScratch::default(), &mut stats, &mut gathered);
+            map.gather_stream(&bundle, &mut StreamScratch::default(), &mut stats, &mut streamed);
+            let mut table = DepthTable::new();
+            let alone = (0..rays.len()).map(|ray| bundle.gather_alone(map, ray, &mut table, &mut stats));
+            [gathered, streamed, alone.collect()]
+        });
+        let mut seen = 0.0;
+        for (lean, full) in found[0].iter().flatten().zip(found[1].iter().flatten()) {
+            let [red, green, blue] = lean.total;
+            assert!(red == full.total[0] && green == full.total[1] && blue == red, "{lean:?} {full:?}");
+            seen += red;
+        }
+        assert!(seen > 0.0);
+    }
+}
+
 /// Light that grows as it gets fainter on its way: much of it arrives from where roulette decides.
 #[test]
 fn pruned_rays_are_right_on_average() {

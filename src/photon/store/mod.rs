@@ -7,7 +7,7 @@ mod order;
 mod photon;
 mod tree;
 
-pub(crate) use blocks::{Block, Blocks, photons_in};
+pub(crate) use blocks::{Block, Blocks, Kept, photons_in};
 pub(crate) use descent::{Descent, Meets, Subtrees, blocks_of};
 pub(crate) use nearest::{KEPT, List, nearest};
 pub(crate) use order::{events_of, ordered, pieces, storable};
