@@ -76,17 +76,16 @@ impl Samples {
         self.volume.as_ref().map_or(0, |map| map.bytes)
     }
 
-    /// The most bytes of maps and of photons that are not in one yet. Those of media are copied into their map, and are gone when its
-    /// hierarchy is built; those on surfaces come later, beside their map.
+    /// The most bytes of maps and of photons that are not in one yet. Those of media leave as their map is filled, and those on surfaces
+    /// come later, beside it.
     pub fn building_bytes(&self) -> u64 {
         let media = self.volume.as_ref().map_or(0, traced_bytes);
-        let copied = media + media.min(self.volume_bytes());
-        copied.max(self.volume_bytes() + self.surface_bytes() + self.landed_bytes())
+        media.max(self.volume_bytes() + self.surface_bytes() + self.landed_bytes())
     }
 
     /// The most bytes of photons that the allocator keeps when they are in a map: what it holds in small pieces it does not return.
     pub fn kept_bytes(&self) -> u64 {
-        const SMALL: u64 = 16 << 20;
+        const SMALL: u64 = 32 << 20;
         (self.volume.as_ref().map_or(0, traced_bytes) + self.landed_bytes()).min(SMALL) / 2
     }
 
