@@ -35,8 +35,8 @@ impl PhaseLanes {
     pub fn new(phase: impl Into<Phase>) -> Self {
         let phase: Phase = phase.into();
         PhaseLanes(match phase.henyey_greenstein() {
-            Some(g) if g.abs() <= SHARP => Kind::HenyeyGreenstein(g),
             _ if phase.is_even() => Kind::Isotropic,
+            Some(g) if g.abs() <= SHARP => Kind::HenyeyGreenstein(g),
             _ => Kind::Sum(phase.sum()),
         })
     }

@@ -68,7 +68,12 @@ impl Phase {
 
     /// Whether it is the same for all directions.
     pub fn is_even(&self) -> bool {
-        matches!(self.only(), Phase::Isotropic(_))
+        match self.only() {
+            Phase::Isotropic(_) => true,
+            Phase::HenyeyGreenstein(p) => p.g == 0.0,
+            Phase::Schlick(p) => p.k == 0.0,
+            _ => false,
+        }
     }
 
     /// The g of the Henyey–Greenstein function that it is, if it is one.
