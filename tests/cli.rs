@@ -676,6 +676,37 @@ fn plans_foretell_memory() {
     }
 }
 
+/// Frames are renders of their own, with their numbers in the names of files; what cannot be done for all of them is refused before the first.
+#[test]
+fn frames_have_numbers_in_their_names() {
+    let folder = workplace();
+    let at = |name: &str| folder.path().join(name);
+    for (frame, height) in [("07", "-1"), ("08", "-0.5")] {
+        let name = format!("scènes of mine/models/floor_{frame}.obj");
+        fs::write(at(&name), FLOOR.replace("-1 ", &format!("{height} "))).unwrap();
+    }
+    let rendered = |options: &[&str]| run(folder.path(), &[&["render", NAME, "--quiet"], options].concat());
+    let floors = ["--set", "shapes.1.file=models/floor_##.obj"];
+    let before = names_in(folder.path());
+    for (options, expected) in [
+        (&[&floors[..], &["--frames", "7..9", "-o", "###.pfm"]].concat()[..], "floor_09.obj"),
+        (&[&floors[..], &["--frames", "7..8", "-o", "a.pfm"]].concat(), "a.pfm"),
+        (&["--frames", "7..8", "-o", "###.pfm"], "nothing in it changes"),
+    ] {
+        let done = rendered(options);
+        assert_eq!(done.status.code(), Some(2), "{options:?}: {}", text(&done.stderr));
+        assert!(text(&done.stderr).contains(expected), "{options:?}: {}", text(&done.stderr));
+    }
+    assert_eq!(names_in(folder.path()), before);
+
+    let done = rendered(&[&floors[..], &["--frames", "7..8", "-o", "###.pfm", "--stats", "#.json"]].concat());
+    assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+    let done = rendered(&["--set", "shapes.1.file=models/floor_07.obj", "-o", "alone.pfm"]);
+    assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+    let [first, second, alone] = ["007.pfm", "008.pfm", "alone.pfm"].map(|name| fs::read(at(name)).unwrap());
+    assert!(first == alone && first != second && at("7.json").exists() && at("8.json").exists());
+}
+
 /// A warning shows the line that it is about, and is an error to every command that reads a scene and is asked for that.
 #[test]
 fn warnings_show_their_line_and_may_be_errors() {

@@ -4,14 +4,14 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::values;
+use super::{frames, values};
 use crate::render::{self, Choice};
 use crate::scene::description::Description;
 use crate::scene::{self, Scene, Settings};
 use crate::{Error, Result};
 
 /// The options that change what a render of a scene does.
-#[derive(Args)]
+#[derive(Args, Clone)]
 pub struct Planned {
     /// The scene file (.toml).
     pub scene: PathBuf,
@@ -36,6 +36,9 @@ pub struct Planned {
     /// Warnings are errors: of the scene before anything is rendered, of the render once its image is written.
     #[arg(long)]
     pub strict: bool,
+    /// The frame that files have in their names instead of #.
+    #[arg(skip)]
+    pub frame: Option<u32>,
 }
 
 /// A scene that was read and built.
@@ -67,6 +70,9 @@ impl Planned {
         let mut overrides = self.overrides();
         overrides.extend(self.passes.map(|n| format!("render.passes={n}")));
         let mut description = scene::read(&self.scene, &overrides)?;
+        if let Some(frame) = self.frame {
+            frames::number(&mut description, frame);
+        }
         let (scene, settings) = scene::build(&description)?;
         let choice = render::choose(&scene, &settings)?;
         if let Some(Choice { method, .. }) = choice {

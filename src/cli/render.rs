@@ -2,6 +2,7 @@
 
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use clap::Args;
@@ -12,8 +13,8 @@ use super::planned::{Loaded, Planned, warned};
 use super::progress::Bar;
 #[cfg(feature = "tev")]
 use super::tev::Viewer;
-use super::values;
 use super::watch::{Kept, Watch};
+use super::{frames, values};
 use crate::check::Names;
 use crate::compare::peak_bytes;
 use crate::image::{self, Format};
@@ -24,7 +25,7 @@ use crate::scene::Scene;
 use crate::scene::description::Description;
 use crate::{Error, Result};
 
-#[derive(Args)]
+#[derive(Args, Clone)]
 pub struct Arguments {
     #[command(flatten)]
     planned: Planned,
@@ -54,6 +55,10 @@ pub struct Arguments {
     /// Goes on from a checkpoint of the same scene: passes that it holds are not repeated.
     #[arg(long, value_name = "FILE")]
     resume: Option<PathBuf>,
+    /// Renders frame after frame, both ends included: 1..240. In the names of files that the scene names, and of those that are
+    /// written, #### stands for the number: smoke_####.vdb is smoke_0012.vdb.
+    #[arg(long, value_name = "A..B", value_parser = values::frames, conflicts_with = "replay")]
+    frames: Option<RangeInclusive<u32>>,
     /// Rewrites this picture as the image is refined.
     #[arg(long, value_name = "FILE.png", value_parser = values::png)]
     preview: Option<PathBuf>,
@@ -73,7 +78,36 @@ pub struct Arguments {
     quiet: bool,
 }
 
+impl Arguments {
+    /// All files that a render writes or goes on from, but for the preview, which frames share.
+    fn files_mut(&mut self) -> impl Iterator<Item = &mut PathBuf> {
+        let options = [&mut self.checkpoint, &mut self.fill, &mut self.resume, &mut self.stats];
+        self.out.iter_mut().chain(options.into_iter().flatten())
+    }
+}
+
 pub fn run(arguments: &Arguments) -> Result<()> {
+    let stop = super::stop_on_signal()?;
+    let Some(range) = &arguments.frames else { return render_one(arguments, &stop) };
+
+    // Frame after frame: what can be refused of any is refused before the first.
+    let mut all = Arguments { out: outputs(arguments)?, ..arguments.clone() };
+    let scene = (&*arguments.planned.scene, &*arguments.planned.overrides());
+    frames::check(range, scene, all.files_mut().map(|file| &*file))?;
+    for frame in range.clone() {
+        let mut one = all.clone();
+        one.files_mut().for_each(|file| *file = frames::numbered(file, frame));
+        one.planned.frame = Some(frame);
+        if !arguments.quiet {
+            super::tell(format_args!("frame {frame} of {} to {}", range.start(), range.end()));
+        }
+        render_one(&one, &stop)?;
+    }
+    Ok(())
+}
+
+/// Renders a scene, or a frame of it.
+fn render_one(arguments: &Arguments, stop: &AtomicBool) -> Result<()> {
     let start = Instant::now();
     // Everything that can be refused is, before anything is computed.
     let outputs = outputs(arguments)?;
@@ -87,7 +121,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     let resumed = arguments.resume.as_ref().or(arguments.fill.as_ref().filter(|path| path.exists()));
     let before = resumed.map(|path| Ok((path, Checkpoint::read(path)?))).transpose()?;
-    let stop = super::stop_on_signal()?;
     let pool = super::pool(arguments.planned.threads)?;
     let Loaded { description, scene, settings, choice } = pool.install(|| arguments.planned.load())?;
     if let Some((pixel, sample)) = arguments.replay {
@@ -145,7 +178,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         if !arguments.quiet {
             super::tell(Forecast::of(&scene, &settings, &limits, &plan, choice.as_ref()).line());
         }
-        render::refine_planned(&scene, &settings, plan, &limits, start_from, &watch, &stop)
+        render::refine_planned(&scene, &settings, plan, &limits, start_from, &watch, stop)
     })?;
     let finished = watch.finish(&rendering.film, &rendering.stats);
     let total = start.elapsed().as_secs_f64();
@@ -279,6 +312,9 @@ fn outputs(arguments: &Arguments) -> Result<Vec<PathBuf>> {
         scene.file_stem().ok_or_else(|| Error::Usage(format!("{}: not the name of a scene file", scene.display())))?;
     let with = |ending: &str| {
         let mut name = stem.to_os_string();
+        if arguments.frames.is_some() {
+            name.push(".####");
+        }
         name.push(ending);
         PathBuf::from(name)
     };

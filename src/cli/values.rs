@@ -58,11 +58,20 @@ pub fn sweep(text: &str) -> Result<Ends, String> {
 
 /// Passes from 1, both ends included: `9..16`, or `9` alone.
 pub fn passes(text: &str) -> Result<RangeInclusive<u32>, String> {
+    let passes = range(text).filter(|passes| *passes.start() >= 1);
+    passes.ok_or_else(|| "expected the first and the last pass, counted from 1, such as 9..16".to_string())
+}
+
+/// Frames, both ends included: `1..240`, or `12` alone.
+pub fn frames(text: &str) -> Result<RangeInclusive<u32>, String> {
+    range(text).ok_or_else(|| "expected the numbers of the first and the last frame, such as 1..240".to_string())
+}
+
+/// Both ends included: `9..16`, or `9` alone.
+fn range(text: &str) -> Option<RangeInclusive<u32>> {
     let (first, last) = text.split_once("..").unwrap_or((text, text));
-    match (first.trim().parse::<u32>(), last.trim().parse::<u32>()) {
-        (Ok(first), Ok(last)) if first >= 1 && first <= last => Ok(first..=last),
-        _ => Err("expected the first and the last pass, counted from 1, such as 9..16".to_string()),
-    }
+    let [first, last] = [first, last].map(|number| number.trim().parse::<u32>().ok());
+    Some(first?..=last?).filter(|range| !range.is_empty())
 }
 
 /// A part of an image: `name=x,y,width,height`.
