@@ -5,6 +5,7 @@ mod check;
 mod compare;
 mod completions;
 mod diff;
+mod force;
 mod frames;
 mod info;
 mod job;

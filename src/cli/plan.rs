@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use clap::Args;
 
+use super::force::Force;
 use super::planned::{Loaded, Planned};
 use crate::Result;
 use crate::compare::{peak_bytes, resident_bytes};
@@ -16,6 +17,8 @@ use crate::render::{Forecast, Item, Limits};
 pub struct Arguments {
     #[command(flatten)]
     planned: Planned,
+    #[command(flatten)]
+    force: Force,
     /// Prints the plan as JSON instead of a table.
     #[arg(long)]
     json: bool,
@@ -26,7 +29,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let (loaded, forecast) = super::pool(planned.threads)?.install(|| -> Result<_> {
         let loaded = planned.load()?;
         let memory = resident_bytes().zip(peak_bytes());
-        let limits = Limits { memory: planned.memory, ..Limits::default() };
+        let limits = Limits { memory: planned.memory, forced: arguments.force.forced.clone(), ..Limits::default() };
         let mut forecast = Forecast::new(&loaded.scene, &loaded.settings, &limits, loaded.choice.as_ref())?;
         if let Some((resident, most)) = memory {
             forecast.bytes.foretell(resident, most);
@@ -55,10 +58,17 @@ fn table(loaded: &Loaded, forecast: &Forecast) -> String {
     let name = items.iter().map(|item| item.name.len()).max().unwrap_or(0);
     let facts: Vec<String> = items.iter().map(facts).collect();
     let wide = facts.iter().map(|facts| facts.chars().count()).max().unwrap_or(0);
-    for needed in [true, false] {
-        let _ = writeln!(text, "\n{}", if needed { "what it gets" } else { "what it does without" });
-        for (item, facts) in items.iter().zip(&facts).filter(|(item, _)| item.needed == needed) {
-            let line = match needed {
+    for (what, needed, forced) in [
+        ("what it gets", true, false),
+        ("what is forced, and why it is not needed", false, true),
+        ("what it does without", false, false),
+    ] {
+        let all = items.iter().zip(&facts).filter(|(item, _)| (item.needed, item.forced) == (needed, forced));
+        for (number, (item, facts)) in all.enumerate() {
+            if number == 0 {
+                let _ = writeln!(text, "\n{what}");
+            }
+            let line = match needed || forced {
                 true => format!("  {:name$}  {facts:wide$}  {}", item.name, item.why),
                 false => format!("  {:name$}  {}", item.name, item.why),
             };

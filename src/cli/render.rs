@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use serde::Serialize;
 
+use super::force::Force;
 use super::picture::{Facts, default_endings, picture, tone};
 use super::planned::{Loaded, Planned, warned};
 use super::progress::Bar;
@@ -29,6 +30,8 @@ use crate::{Error, Result};
 pub struct Arguments {
     #[command(flatten)]
     planned: Planned,
+    #[command(flatten)]
+    force: Force,
     /// Where to write the image, by ending: .exr, .png, .pfm or .hdr; repeatable. Default: <scene>.exr and
     /// <scene>.png in the current folder.
     #[arg(short, long, value_name = "FILE")]
@@ -44,16 +47,16 @@ pub struct Arguments {
     #[arg(long, value_name = "SHARE", value_parser = values::share)]
     target_error: Option<f64>,
     /// Keeps finished passes in this file, for --resume and `volpm merge`: now and then, on Ctrl-C, and in the end.
-    #[arg(long, value_name = "FILE", group = "kept")]
+    #[arg(long, value_name = "FILE", group = "kept", conflicts_with = "force")]
     checkpoint: Option<PathBuf>,
     /// Makes those passes that this checkpoint does not hold yet, and no image: for tasks that may be stopped or run twice.
-    #[arg(long, value_name = "FILE", group = "kept", conflicts_with_all = ["out", "resume", "time", "target_error"])]
+    #[arg(long, value_name = "FILE", group = "kept", conflicts_with_all = ["out", "resume", "time", "target_error", "force"])]
     fill: Option<PathBuf>,
     /// How long it takes until --checkpoint or --fill is written again: 90s, 10m. Writing never takes more than a twentieth of the time.
     #[arg(long, value_name = "TIME", default_value = "30s", value_parser = values::time, requires = "kept")]
     checkpoint_every: Duration,
     /// Goes on from a checkpoint of the same scene: passes that it holds are not repeated.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", conflicts_with = "force")]
     resume: Option<PathBuf>,
     /// Renders frame after frame, both ends included: 1..240. In the names of files that the scene names, and of those that are
     /// written, #### stands for the number: smoke_####.vdb is smoke_0012.vdb.
@@ -249,6 +252,7 @@ fn limits(arguments: &Arguments) -> Limits {
         memory: arguments.planned.memory,
         resumable: arguments.checkpoint.is_some() || arguments.fill.is_some(),
         shown: None,
+        forced: arguments.force.forced.clone(),
     }
 }
 

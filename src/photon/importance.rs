@@ -29,6 +29,13 @@ pub struct Importons {
     pub global: Vec<Importon>,
 }
 
+impl Importons {
+    /// How many there are.
+    pub fn count(&self) -> usize {
+        self.media.len() + self.caustic.len() + self.global.len()
+    }
+}
+
 /// How important places are for the photons that come to them. A kd-tree over importons and a pilot's photons together: in each leaf the
 /// importons' share of all importance, over the photons' share of all photons.
 #[derive(Clone, Debug)]

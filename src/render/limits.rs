@@ -6,6 +6,7 @@ use std::time::Duration;
 use super::exact;
 use super::eye::Component;
 use super::film::{Film, Layers};
+use super::forced::Forced;
 use super::numbers::{caustic_photons, global_photons, shadow_photons};
 use super::splat::Splats;
 use crate::medium;
@@ -13,7 +14,7 @@ use crate::scene::description::{Estimate, Kernel, Method, Volume};
 use crate::scene::{Scene, Settings};
 use crate::{Error, Result};
 
-/// When a render ends, and what it may take. By default: after the scene's own passes.
+/// When a render ends, what it may take, and what it does beyond what it needs. By default: after the scene's own passes.
 #[derive(Clone, Debug, Default)]
 pub struct Limits {
     /// The passes to make, counted from 1: those of a longer render, radii included. `None`: the scene's own;
@@ -29,6 +30,8 @@ pub struct Limits {
     pub resumable: bool,
     /// The components that the image is the sum of; `None`: all.
     pub shown: Option<Vec<Component>>,
+    /// What it does though its plan would leave it out. `memory` does not count photons that are forced.
+    pub forced: Vec<Forced>,
 }
 
 /// Sub-passes for the standard error of a single pass.
@@ -76,8 +79,9 @@ impl Limits {
 
     /// What the film keeps, and whether of several passes, `parts` of which make one.
     fn film_of(&self, settings: &Settings, parts: u32) -> (Layers, bool) {
-        let several = parts > 1 || self.resumable || self.passes(settings) != (1..=1);
-        (Layers { components: settings.film.layers }, several)
+        let forced = |of| self.forced.contains(&of);
+        let several = parts > 1 || self.resumable || self.passes(settings) != (1..=1) || forced(Forced::PassSums);
+        (Layers { components: settings.film.layers || forced(Forced::FilmLayers) }, several)
     }
 
     /// The film that the render needs, black.

@@ -133,30 +133,32 @@ impl Maps {
         self.from_media_only = global.from_media_only;
         let shadows = shadows(scene, plan, pass, (stats, progress), stop);
         let start = Instant::now();
-        let mut bytes = 0;
         if !caustics.is_empty() {
             stats.caustic += caustics.len() as u64;
             let map = SurfaceMap::build(scene, (Kind::Caustic, caustics), plan.caustics.0, plan.caustics.1, scale);
             stats.tally.broken += map.rejected() as u64;
-            bytes += map.bytes();
             self.caustic = Some(map);
         }
         if !global.photons.is_empty() {
             stats.global += global.photons.len() as u64;
             let map = GlobalMap::build(scene, (global.photons, global.scattered), &plan.global, scale);
             stats.tally.broken += map.rejected() as u64;
-            bytes += map.bytes();
             self.global = Some(map);
         }
         if !shadows.is_empty() {
             stats.shadow += shadows.len() as u64;
-            let map = VisibilityMap::build(&shadows, scene.lights.len());
-            bytes += map.bytes();
-            self.visibility = Some(map);
+            self.visibility = Some(VisibilityMap::build(&shadows, scene.lights.len()));
         }
-        stats.surface_bytes = stats.surface_bytes.max(bytes as u64);
+        stats.surface_bytes = stats.surface_bytes.max(self.surface_bytes() as u64);
         stats.build_seconds += start.elapsed().as_secs_f64();
         Ok(())
+    }
+
+    /// Bytes of the maps of photons on surfaces.
+    pub(super) fn surface_bytes(&self) -> usize {
+        self.caustic.as_ref().map_or(0, SurfaceMap::bytes)
+            + self.global.as_ref().map_or(0, GlobalMap::bytes)
+            + self.visibility.as_ref().map_or(0, VisibilityMap::bytes)
     }
 }
 

@@ -75,7 +75,7 @@ pub(super) fn why_no_volume_photons(scene: &Scene, settings: &Settings) -> Optio
 }
 
 /// Photons that suit a film and what is to be seen.
-fn chosen(scene: &Scene, settings: &Settings) -> u64 {
+pub(super) fn chosen(scene: &Scene, settings: &Settings) -> u64 {
     let Settings { film, render, .. } = settings;
     let most = if !is_dense(scene) && is_uneven(scene) { MOST_UNEVEN } else { MOST };
     render.quality.photons(A_PIXEL.saturating_mul(pixels(film)).clamp(FEWEST, most))
@@ -200,7 +200,7 @@ pub(super) fn why_no_shadow_photons(scene: &Scene, settings: &Settings) -> Optio
 }
 
 /// Photons in a map on surfaces, unless the scene file says otherwise: who asks for few in media wants a quick picture.
-fn on_surfaces(settings: &Settings) -> u64 {
+pub(super) fn on_surfaces(settings: &Settings) -> u64 {
     let Settings { film, render, .. } = settings;
     let [fewest, most] = ON_SURFACES;
     let default = render.quality.photons(ON_SURFACES_A_PIXEL.saturating_mul(pixels(film)).clamp(fewest, most));

@@ -218,6 +218,7 @@ impl<P: Progress> Renderer<'_, P> {
 
     /// One pass. Returns whether it came to its end.
     fn pass(&mut self, pass: u32) -> Result<bool> {
+        let unread = self.unread_maps(pass)?;
         let own;
         let maps = match (self.plan.method, self.shared) {
             (Method::Path | Method::Light | Method::Whitted, _) => None,
@@ -227,6 +228,10 @@ impl<P: Progress> Renderer<'_, P> {
                 Some(&own)
             }
         };
+        if self.plan.unread.is_some() {
+            let bytes = maps.map_or(0, Maps::surface_bytes) + unread.surface_bytes();
+            self.stats.surface_bytes = self.stats.surface_bytes.max(bytes as u64);
+        }
         let mode = match maps.map(|maps| &maps.volume) {
             Some(Some(VolumeMap::Beams(maps))) => Mode::Gather(maps),
             Some(Some(VolumeMap::Points(maps))) => Mode::March(maps),
@@ -239,7 +244,21 @@ impl<P: Progress> Renderer<'_, P> {
         self.clock.begin_samples();
         self.expose(mode, maps, pass);
         self.stats.render_seconds += start.elapsed().as_secs_f64();
+        // They take memory for as long as those do that are read.
+        drop(unread);
         Ok(!self.stopped())
+    }
+
+    /// The maps of photons that are forced, which are for no one.
+    fn unread_maps(&mut self, pass: u32) -> Result<Maps> {
+        let Some(unread) = self.plan.unread.as_deref().cloned() else { return Ok(Maps::default()) };
+        let warnings = self.warnings.len();
+        let plan = std::mem::replace(&mut self.plan, unread);
+        let maps = self.maps(pass);
+        self.plan = plan;
+        // No one sees what they lack.
+        self.warnings.truncate(warnings);
+        maps
     }
 
     /// The photon maps of a pass.

@@ -19,6 +19,7 @@ use crate::transport::Events;
 
 use super::camera::Camera;
 use super::eternity;
+use super::forced::Forced;
 use super::importons;
 use super::limits::Limits;
 use super::numbers::{
@@ -96,6 +97,10 @@ pub struct Plan {
     pub light_samples: u32,
     /// The solids around the camera, where they are the same for all of its lens.
     pub inside: Option<Inside>,
+    /// What is there for no reason but that it is forced.
+    pub forced: Vec<Forced>,
+    /// Photons that are forced, by a plan of their own: their maps are built and kept, and nothing reads them.
+    pub unread: Option<Box<Plan>>,
 }
 
 /// How the irradiance cache is filled.
@@ -290,6 +295,8 @@ impl Plan {
             samples: render.samples.div_ceil(parts),
             light_samples: render.light_samples,
             inside,
+            forced: Vec::new(),
+            unread: None,
         };
         if volume.estimate == Estimate::Point {
             plan.points = Some(points(scene, volume, &plan, extent));
@@ -297,6 +304,7 @@ impl Plan {
         if render.method == Method::Path && scatters {
             plan.split = pilot.collisions_are_rare(parts);
         }
+        plan.force(&pilot, settings, limits);
         Ok(plan)
     }
 

@@ -11,6 +11,7 @@ use crate::photon::{Ball, Radius};
 use crate::render::choice::Choice;
 use crate::render::eternity;
 use crate::render::eye::Component;
+use crate::render::forced::Forced;
 use crate::render::irradiance::most_records;
 use crate::render::limits::Limits;
 use crate::render::numbers::{
@@ -38,6 +39,13 @@ impl Items {
         self.0.push(Item { name, needed, why, ..Item::default() });
         let last = self.0.len() - 1;
         &mut self.0[last]
+    }
+
+    /// Notes that an item is there all the same, with these numbers, if it is not needed.
+    fn force(&mut self, name: &str, Item { count, emitted, events, bytes, .. }: Item) {
+        if let Some(item) = self.0.iter_mut().find(|item| item.name == name && !item.needed) {
+            (item.forced, item.count, item.emitted, item.events, item.bytes) = (true, count, emitted, events, bytes);
+        }
     }
 
     /// Photons of a map: as many as were found to come, or as are wanted.
@@ -98,6 +106,7 @@ pub(super) fn of(
     rays(&mut items, (scene, settings), plan, samples);
     of_scene(&mut items, scene, plan);
     film(&mut items, settings, limits, plan);
+    forced(&mut items, plan, samples.and_then(|samples| samples.unread.as_deref()));
     items.0
 }
 
@@ -106,11 +115,11 @@ fn pilots(items: &mut Items, plan: &Plan, choice: Option<&Choice>) {
     items.add("method_choice", whether(choice.is_some(), "the scene leaves the method to the plan", why_not));
     let why_not = eternity::why_no_pilot(plan.method, plan.max_events);
     items.add("eternity_pilot", unless(why_not, "some walks tell whether light comes to an end"));
-    let why_not =
-        plan.importons.is_none().then(|| why_no_photons(plan.method).unwrap_or("photons.importance is false"));
+    let why_not = (plan.importons.is_none() || plan.only_forces(Forced::Importons))
+        .then(|| why_no_photons(plan.method).unwrap_or("photons.importance is false"));
     let item = items.add("importons", unless(why_not, "photons are kept by how much they count in the picture"));
     if let Some(importons) = &plan.importons {
-        item.of((importons.media.len() + importons.caustic.len() + importons.global.len()) as u64);
+        item.of(importons.count());
     }
 }
 
@@ -187,7 +196,7 @@ fn in_media(items: &mut Items, (scene, settings): (&Scene, &Settings), plan: &Pl
     if let Some(found) = found {
         let why_not = why_none.or(match () {
             () if plan.points.is_some() => Some("points of marched rays look up all photons"),
-            () if !plan.spreads => Some("surfaces spread no rays"),
+            () if !plan.spreads || plan.only_forces(Forced::SparseVolumeMap) => Some("surfaces spread no rays"),
             () => (found.sparse == 0).then_some("all photons are few"),
         });
         let item =
@@ -266,7 +275,8 @@ fn rays(items: &mut Items, (scene, settings): (&Scene, &Settings), plan: &Plan, 
         format!("{} from the first surface of a path that spreads light, where no record tells", plan.gather_rays);
     items.add("gather_rays", unless(why_not, why));
     let why_not = match plan.method {
-        Method::Path => (!plan.split).then_some("collisions are not rare, or there are none"),
+        Method::Path => (!plan.split || plan.only_forces(Forced::PathSplitting))
+            .then_some("collisions are not rare, or there are none"),
         _ => Some("the method is another"),
     };
     items.add("path_splitting", unless(why_not, "collisions are rare: paths go on past and from each"));
@@ -353,6 +363,35 @@ fn film(items: &mut Items, settings: &Settings, limits: &Limits, plan: &Plan) {
         whether(settings.film.layers, "one for each kind of light, and what is seen first", "film.layers is false");
     items.add("film_layers", why).of(Component::ALL.len() as u64);
     let why = "passes are summed exactly, with their squares for the standard error";
-    let why = whether(limits.sums_passes(settings, plan.parts), why, "there is a single pass");
-    items.add("pass_sums", why);
+    let sums = limits.sums_passes(settings, plan.parts) && !plan.only_forces(Forced::PassSums);
+    items.add("pass_sums", whether(sums, why, "there is a single pass"));
+}
+
+/// What is there though it is not needed.
+fn forced(items: &mut Items, plan: &Plan, unread: Option<&Samples>) {
+    for forced in &plan.forced {
+        let count = match forced {
+            Forced::Importons => plan.importons.as_ref().map(|importons| importons.count() as u64),
+            Forced::FilmLayers => Some(Component::ALL.len() as u64),
+            _ => None,
+        };
+        items.force(forced.name(), Item { count, ..Item::default() });
+    }
+    // Photons with what is made of them.
+    let Some(unread) = unread else { return };
+    for (photons, map, found) in [
+        ("volume_photons", "volume_map", &unread.volume),
+        ("caustic_photons", "caustic_map", &unread.caustic),
+        ("global_photons", "global_map", &unread.global),
+        ("shadow_photons", "visibility_map", &unread.shadow),
+    ] {
+        let Some(Expected { stored, emitted, events, bytes, irradiances, flux, .. }) = *found else { continue };
+        let events = (events > 0).then_some(events);
+        items.force(photons, Item { count: Some(stored), emitted: Some(emitted), events, ..Item::default() });
+        for (of, bytes) in [(map, bytes), ("irradiances", irradiances), ("flux_map", flux)] {
+            if bytes > 0 {
+                items.force(of, Item { bytes: Some(bytes), ..Item::default() });
+            }
+        }
+    }
 }

@@ -47,8 +47,10 @@ pub struct Item {
     /// Its name, which stays the same from version to version.
     #[serde(skip)]
     pub name: &'static str,
-    /// Whether this render has it.
+    /// Whether this render has it because it needs it.
     pub needed: bool,
+    /// Whether it has it only because it is forced ([`Limits::forced`]).
+    pub forced: bool,
     /// Why, or why not.
     pub why: String,
     /// How many there are, in each part of a pass: photons of a map, rays, records, as the name says.

@@ -19,6 +19,8 @@ pub(super) struct Samples {
     pub caustic: Option<Expected>,
     pub global: Option<Expected>,
     pub shadow: Option<Expected>,
+    /// Of those that are forced, and read by no one.
+    pub unread: Option<Box<Samples>>,
 }
 
 /// What photons of a map come to.
@@ -68,12 +70,15 @@ impl Samples {
             let (stored, emitted) = (shadows.photons.len() as u64, shadows.emitted);
             Expected { stored, emitted, bytes: map.bytes() as u64, ..Expected::default() }
         });
-        Ok(Samples { volume, caustic: on_surfaces(Kind::Caustic)?, global: on_surfaces(Kind::Global)?, shadow })
+        let (caustic, global) = (on_surfaces(Kind::Caustic)?, on_surfaces(Kind::Global)?);
+        let unread = plan.unread.as_ref().map(|unread| Samples::take(scene, unread)).transpose()?.map(Box::new);
+        Ok(Samples { volume, caustic, global, shadow, unread })
     }
 
     /// Bytes of the maps of photons in media.
     pub fn volume_bytes(&self) -> u64 {
-        self.volume.as_ref().map_or(0, |map| map.bytes)
+        let unread = self.unread.as_ref().map_or(0, |unread| unread.volume_bytes());
+        unread + self.volume.as_ref().map_or(0, |map| map.bytes)
     }
 
     /// The most bytes of maps and of photons that are not in one yet. Those of media leave as their map is filled, and those on surfaces
@@ -96,7 +101,8 @@ impl Samples {
 
     /// Bytes of the maps of photons on surfaces.
     pub fn surface_bytes(&self) -> u64 {
-        [&self.caustic, &self.global, &self.shadow].into_iter().flatten().map(|map| map.bytes).sum()
+        let unread = self.unread.as_ref().map_or(0, |unread| unread.surface_bytes());
+        unread + [&self.caustic, &self.global, &self.shadow].into_iter().flatten().map(|map| map.bytes).sum::<u64>()
     }
 }
 
