@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 use volpm::image::{self, Attribute, LayerData, Picture};
+use volpm::render::Unit;
 
 pub(crate) const SCENE: &str = r#"
 [film]
@@ -236,6 +237,9 @@ fn what_is_wrong_is_refused_before_the_work() {
         (vec!["plan", NAME, "--set", "film.widht=3"], 2, "did you mean `width`"),
         (vec!["plan", NAME, "--strict", "--set", "lights=[]"], 2, "(warnings are errors: --strict)"),
         (vec!["plan", NAME, "--memory", "1MB"], 2, "are not enough"),
+        (vec!["plan", NAME, "--force", "mirrors"], 2, "global_photons, shadow_photons"),
+        (vec!["plan"], 2, "--calibrate"),
+        (render(&["--force", "pass_sums", "--checkpoint", "c"]), 2, "cannot be used with"),
         (vec!["new", "scene.toml"], 2, "--from"),
         (vec!["new", "scene.toml", "--from", "steam"], 2, "fog, smoke, marble, caustic, room"),
         (vec!["new", "notes.txt", "--from", "fog"], 2, "exists already"),
@@ -417,6 +421,43 @@ fn what_cannot_be_told_costs_no_picture() {
             assert_eq!(text(&done.stderr).contains("cannot write stdout"), status == 1, "{arguments:?}");
         }
     }
+}
+
+/// Costs of a machine tell seconds, and of nothing else; what is no such file is refused by its name.
+#[test]
+fn costs_of_a_machine_tell_seconds() {
+    let folder = workplace();
+    let plan =
+        |costs: &str| program(folder.path(), &["plan", NAME, "--json"]).env("VOLPM_COSTS", costs).output().unwrap();
+    let known = plan("none.json");
+    let mut known: Value = serde_json::from_slice(&known.stdout).unwrap();
+    assert!(known["seconds"].is_null(), "{known}");
+    // A second for each of everything.
+    let units = Unit::ALL.map(|unit| format!("{:?}: 1e9", unit.name())).join(", ");
+    let version = env!("CARGO_PKG_VERSION");
+    let costs = format!("{{\"version\": \"{version}\", \"nanoseconds\": {{{units}}}}}");
+    fs::write(folder.path().join("costs.json"), &costs).unwrap();
+    let told = plan("costs.json");
+    let mut told: Value = serde_json::from_slice(&told.stdout).unwrap_or_else(|_| panic!("{}", text(&told.stderr)));
+    assert!(told["seconds"].as_f64().unwrap() > 1e5, "{told}");
+    for plan in [&mut known, &mut told] {
+        let items = plan["items"].as_object().unwrap().values();
+        let shares: f64 = items.filter_map(|item| item["share"].as_f64()).sum();
+        assert!((shares - 1.0).abs() < 1e-9, "{shares}");
+        for item in plan["items"].as_object_mut().unwrap().values_mut() {
+            item["share"].take();
+            item["seconds"].take();
+        }
+        plan["seconds"].take();
+        // That of the process, which no two runs have alike.
+        plan["bytes"]["peak"].take();
+    }
+    assert_eq!(known, told);
+
+    fs::write(folder.path().join("costs.json"), costs.replace("\"ray\"", "\"wave\"")).unwrap();
+    let refused = plan("costs.json");
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(text(&refused.stderr).contains("costs.json") && text(&refused.stderr).contains("ray is missing"));
 }
 
 #[cfg(unix)]

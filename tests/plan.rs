@@ -2,7 +2,7 @@
 
 use std::sync::atomic::AtomicBool;
 
-use volpm::render::{Forecast, Limits, Rendering, Silent, choose, render};
+use volpm::render::{Forced, Forecast, Limits, Rendering, Silent, choose, refine, render};
 
 use crate::support::built;
 
@@ -124,5 +124,60 @@ fn flux_is_kept_for_gather_rays_alone() {
         let forecast = Forecast::new(&scene, &settings, &Limits::default(), None).unwrap();
         let flux = forecast.item("flux_map").expect("the plan has a row for it");
         assert_eq!((flux.needed, flux.bytes.is_some_and(|bytes| bytes > 0)), (kept, kept), "{set:?}: {}", flux.why);
+    }
+}
+
+/// What is forced is there, as large as the plan says, and the picture is the same: to the bit where nothing reads it, and in the mean where what
+/// it tells means the same.
+#[test]
+fn what_is_forced_changes_no_light() {
+    let paths = ["world.medium=fog", "render.method=path", "photons.volume=30000", "photons.global=30000"];
+    let few = ["render.method=path", "render.max_depth=5", "film.layers=false", "shapes.ball.material=glass"];
+    let fog = ["world.medium=fog", "render.method=photon", "photons.volume=60000", "surface.indirect=map"];
+    let cases: [(&[&str], Forced, f64); 12] = [
+        (&few, Forced::EternityPilot, 0.0),
+        (&few, Forced::CausticPhotons, 0.0),
+        (&paths, Forced::VolumePhotons, 0.0),
+        (&paths, Forced::GlobalPhotons, 0.0),
+        (&paths, Forced::ShadowPhotons, 0.0),
+        (&paths, Forced::Irradiances, 0.0),
+        (&paths, Forced::FluxMap, 0.0),
+        (&few, Forced::FilmLayers, 1e-6),
+        (&few, Forced::PassSums, 1e-6),
+        (&paths, Forced::PathSplitting, 0.1),
+        (&fog, Forced::Importons, 0.1),
+        (&fog, Forced::SparseVolumeMap, 0.1),
+    ];
+    for (overrides, forced, off) in cases {
+        let (scene, settings) = built(ROOM, overrides);
+        let rendered = |forced: &[Forced]| {
+            let limits = Limits { forced: forced.to_vec(), ..Limits::default() };
+            let forecast = Forecast::new(&scene, &settings, &limits, None).unwrap();
+            (forecast, refine(&scene, &settings, &limits, None, &Silent, &AtomicBool::new(false)).unwrap())
+        };
+        let ((without, plain), (forecast, with)) = (rendered(&[]), rendered(&[forced, forced]));
+        let item = |of: &Forecast| of.item(forced.name()).map(|item| (item.needed, item.forced));
+        assert_eq!((item(&without), item(&forecast)), (Some((false, false)), Some((false, true))), "{forced}");
+        let images = [plain.film.image(), with.film.image()];
+        match off {
+            0.0 => assert_eq!(images[0].pixels, images[1].pixels, "{forced}"),
+            off => {
+                let [before, after] = images.map(|image| image.channel_means()[0]);
+                assert!((after / before - 1.0).abs() < off, "{forced}: {before}, then {after}");
+            }
+        }
+        for (name, found, before) in [
+            ("volume_photons", with.stats.volume, plain.stats.volume),
+            ("caustic_photons", with.stats.caustic, plain.stats.caustic),
+            ("global_photons", with.stats.global, plain.stats.global),
+            ("shadow_photons", with.stats.shadow, plain.stats.shadow),
+        ] {
+            let told = forecast.item(name).unwrap();
+            assert_eq!(told.forced, found > 0 && before == 0, "{forced}: {name}");
+            assert!(told.count.unwrap_or(0).abs_diff(found) as f64 <= 0.1 * found as f64, "{forced}: {name}");
+        }
+        let bytes = forecast.bytes.volume_map + forecast.bytes.surface_maps;
+        let found = with.stats.map_bytes + with.stats.surface_bytes;
+        assert!(bytes.abs_diff(found) as f64 <= 0.2 * found as f64, "{forced}: {bytes} told, {found} found");
     }
 }

@@ -4,6 +4,7 @@ mod check;
 #[cfg(feature = "report")]
 mod compare;
 mod completions;
+mod costs;
 mod diff;
 mod force;
 mod frames;

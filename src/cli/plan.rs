@@ -4,11 +4,12 @@ use std::fmt::Write as _;
 
 use clap::Args;
 
+use super::costs;
 use super::force::Force;
 use super::planned::{Loaded, Planned};
-use crate::Result;
 use crate::compare::{peak_bytes, resident_bytes};
-use crate::render::{Forecast, Item, Limits};
+use crate::render::{Costs, Forecast, Item, Limits};
+use crate::{Error, Result};
 
 #[derive(Args)]
 #[command(
@@ -16,16 +17,29 @@ use crate::render::{Forecast, Item, Limits};
 )]
 pub struct Arguments {
     #[command(flatten)]
-    planned: Planned,
+    planned: Option<Planned>,
     #[command(flatten)]
     force: Force,
     /// Prints the plan as JSON instead of a table.
     #[arg(long)]
     json: bool,
+    /// Measures first what things cost on this machine: some seconds, best with nothing else running. Kept in volpm/costs.json in the folder for configuration
+    /// ($XDG_CONFIG_HOME, or ~/.config), or where $VOLPM_COSTS says. From then on, plans tell seconds.
+    #[arg(long)]
+    calibrate: bool,
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let planned = &arguments.planned;
+    if arguments.calibrate {
+        // On one thread, as they are told.
+        let measured = super::pool(Some(1))?.install(Costs::measure)?;
+        super::tell(format_args!("{}: costs of this machine", costs::write(&measured)?.display()));
+    }
+    let Some(planned) = &arguments.planned else {
+        let asked = "what scene? Name a .toml file, or say --calibrate".to_string();
+        return if arguments.calibrate { Ok(()) } else { Err(Error::Usage(asked)) };
+    };
+    let measured = costs::read()?;
     let (loaded, forecast) = super::pool(planned.threads)?.install(|| -> Result<_> {
         let loaded = planned.load()?;
         let memory = resident_bytes().zip(peak_bytes());
@@ -33,6 +47,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let mut forecast = Forecast::new(&loaded.scene, &loaded.settings, &limits, loaded.choice.as_ref())?;
         if let Some((resident, most)) = memory {
             forecast.bytes.foretell(resident, most);
+        }
+        if let Some(measured) = &measured {
+            forecast.price(measured, true);
         }
         Ok((loaded, forecast))
     })?;
@@ -44,7 +61,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 
 /// A line for each item, those that the scene needs first.
 fn table(loaded: &Loaded, forecast: &Forecast) -> String {
-    let Forecast { method, why, seed, film: [width, height], samples, passes, parts, items, bytes } = forecast;
+    let Forecast { method, why, seed, film: [width, height], samples, passes, parts, items, bytes, seconds } = forecast;
     let mut text = String::new();
     // Writing to a string cannot fail.
     let _ = writeln!(text, "{}: method {method}, {why}", loaded.description.path.display());
@@ -84,6 +101,9 @@ fn table(loaded: &Loaded, forecast: &Forecast) -> String {
     let sizes: Vec<String> = sizes.iter().map(|(what, bytes)| format!("{what} {}", megabytes(*bytes))).collect();
     let peak = bytes.peak.map_or_else(String::new, |peak| format!("; {} at most, with the program", megabytes(peak)));
     let _ = writeln!(text, "\nmemory: {}{peak}", sizes.join(", "));
+    if let Some(seconds) = seconds {
+        let _ = writeln!(text, "time: {seconds:.1} s of one thread");
+    }
     text
 }
 
@@ -94,6 +114,8 @@ fn facts(item: &Item) -> String {
     facts.extend(item.emitted.map(|emitted| format!("of {emitted} emitted")));
     facts.extend(item.events.map(|events| format!("{events} events")));
     facts.extend(item.bytes.map(megabytes));
+    facts.extend(item.share.map(|share| format!("{:.0} % of the time", 100.0 * share)));
+    facts.extend(item.seconds.map(|seconds| format!("{seconds:.2} s")));
     facts.join(", ")
 }
 

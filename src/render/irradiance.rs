@@ -49,7 +49,7 @@ const STRIDES: [u32; 5] = [16, 8, 4, 2, 1];
 const LAST_LOOKS: usize = 8;
 /// Records that are made before it is found out which others are still wanted. Fewer leave processors idle, more make records that
 /// others would have told.
-const BATCH: usize = 128;
+pub(super) const BATCH: usize = 128;
 /// Records take no more gather rays than so many times those that there would be without a cache.
 const MOST_RAYS: u64 = 4;
 /// A path that sees less than this of a surface asks for no record there,

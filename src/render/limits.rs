@@ -108,7 +108,7 @@ impl Limits {
     }
 
     /// Bytes that the film takes at most, where passes are made in so many parts.
-    pub(super) fn film_bytes(&self, settings: &Settings, parts: u32) -> u64 {
+    pub fn film_bytes(&self, settings: &Settings, parts: u32) -> u64 {
         let (layers, several) = self.film_of(settings, parts);
         film_bytes(settings, layers, several)
     }

@@ -37,7 +37,7 @@ pub use done::Done;
 pub use eye::{Claim, Component, Context, Eye, EyeSettings, Happening, Mode, Path, Sample, Told};
 pub use film::{Film, Layers, Sums};
 pub use forced::Forced;
-pub use forecast::{Bytes, Forecast, Item};
+pub use forecast::{Bytes, Costs, Forecast, Item, Unit, Work};
 pub use limits::Limits;
 pub use numbers::{caustic_photons, global_photons, volume_photons};
 pub use pass::{End, Rendering, refine, refine_planned, render};

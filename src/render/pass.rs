@@ -6,14 +6,13 @@ use std::time::Instant;
 
 use super::camera::Camera;
 use super::clock::Clock;
-use super::eye::Mode;
 use super::film::Film;
 use super::limits::Limits;
-use super::maps::{Maps, VolumeMap, mean_extinctions};
+use super::maps::{Maps, mean_extinctions};
 use super::plan::Plan;
 use super::progress::Progress;
 use super::stats::Stats;
-use super::tile::by_paths;
+use super::tile::mode;
 use super::warnings;
 use crate::Result;
 use crate::photon;
@@ -232,14 +231,7 @@ impl<P: Progress> Renderer<'_, P> {
             let bytes = maps.map_or(0, Maps::surface_bytes) + unread.surface_bytes();
             self.stats.surface_bytes = self.stats.surface_bytes.max(bytes as u64);
         }
-        let mode = match maps.map(|maps| &maps.volume) {
-            Some(Some(VolumeMap::Beams(maps))) => Mode::Gather(maps),
-            Some(Some(VolumeMap::Points(maps))) => Mode::March(maps),
-            Some(None) => Mode::Pass,
-            // Light paths bring all but emitters, and what media emit; Whitted's rays see no more of media.
-            None if matches!(self.plan.method, Method::Light | Method::Whitted) => Mode::Pass,
-            None => by_paths(&self.plan),
-        };
+        let mode = mode(&self.plan, maps);
         let start = Instant::now();
         self.clock.begin_samples();
         self.expose(mode, maps, pass);

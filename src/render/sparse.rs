@@ -30,7 +30,7 @@ pub(super) fn one_in(photons: usize) -> Option<usize> {
 }
 
 /// How wide one photon in so many is spread.
-fn wider(radius: Radius, one_in: u32) -> Radius {
+pub(super) fn wider(radius: Radius, one_in: u32) -> Radius {
     match radius {
         Radius::Fixed(_) => radius,
         Radius::Variable { neighbours: all, pilot, max_radius } => {

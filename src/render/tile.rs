@@ -10,7 +10,7 @@ use super::eye::{Claim, Context, Eye, EyeSettings, Indirect, Mode, Path};
 use super::film::Sums;
 use super::irradiance::{Filled, Filler};
 use super::light_tracer::{LightTracer, Origin, Sent};
-use super::maps::Maps;
+use super::maps::{Maps, VolumeMap};
 use super::pass::Renderer;
 use super::plan::Plan;
 use super::progress::Progress;
@@ -25,7 +25,7 @@ use crate::transport::{Parts, Tally};
 const TILE: u32 = 16;
 
 /// Pixels along the edge of a bundle: its camera rays gather photons together.
-const BUNDLE: u32 = 8;
+pub(super) const BUNDLE: u32 = 8;
 
 /// Samples a pixel takes before its neighbours' turn, at most.
 const ROUND: u32 = 16;
@@ -180,6 +180,18 @@ impl<P: Progress> Renderer<'_, P> {
     }
 }
 
+/// How the eyes of a pass with these maps deal with media.
+pub(super) fn mode<'s>(plan: &Plan, maps: Option<&'s Maps>) -> Mode<'s> {
+    match maps.map(|maps| &maps.volume) {
+        Some(Some(VolumeMap::Beams(maps))) => Mode::Gather(maps),
+        Some(Some(VolumeMap::Points(maps))) => Mode::March(maps),
+        Some(None) => Mode::Pass,
+        // Light paths bring all but emitters, and what media emit; Whitted's rays see no more of media.
+        None if matches!(plan.method, Method::Light | Method::Whitted) => Mode::Pass,
+        None => by_paths(plan),
+    }
+}
+
 /// How paths deal with media.
 pub(super) fn by_paths(plan: &Plan) -> Mode<'static> {
     if plan.split { Mode::Split } else { Mode::Track }
@@ -312,6 +324,6 @@ impl<'s> Round<'_, 's> {
 }
 
 /// The number made of bits 0, 2 and 4: one coordinate of a Morton code.
-fn every_second_bit(code: u32) -> u32 {
+pub(super) fn every_second_bit(code: u32) -> u32 {
     code & 1 | code >> 1 & 2 | code >> 2 & 4
 }

@@ -4,11 +4,16 @@
 //! and builds maps of them, to tell what all of them will take. The samples are the first photons of the render itself, so their
 //! maps differ from its own in size alone.
 
+mod calibrate;
 mod items;
+mod look;
 mod sample;
+mod work;
 
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
+
+pub use work::{Costs, Unit, Work};
 
 use super::camera::Camera;
 use super::choice::Choice;
@@ -39,6 +44,9 @@ pub struct Forecast {
     pub items: Vec<Item>,
     /// What the largest of them take.
     pub bytes: Bytes,
+    /// Seconds of one thread that all passes take, or one where time or error end them; without what comes before the first. `None` where no
+    /// costs of this machine are known.
+    pub seconds: Option<f64>,
 }
 
 /// A pass or a structure that a render may have.
@@ -61,6 +69,13 @@ pub struct Item {
     pub events: Option<u64>,
     /// The memory it takes, in bytes.
     pub bytes: Option<u64>,
+    /// What it has to do in all passes, or in one where time or error end them.
+    #[serde(skip_serializing_if = "Work::is_none")]
+    pub work: Work,
+    /// The share of the time of all items that this takes, by [`Forecast::price`]; `None` where that is not told.
+    pub share: Option<f64>,
+    /// Seconds of one thread, where the costs are those of this machine.
+    pub seconds: Option<f64>,
 }
 
 /// Memory in bytes, as `--stats` tells it of a finished render.
@@ -100,10 +115,12 @@ impl Forecast {
     /// # Errors
     /// As [`render`](super::render), for scenes and limits that it refuses.
     pub fn new(scene: &Scene, settings: &Settings, limits: &Limits, choice: Option<&Choice>) -> Result<Forecast> {
-        let plan = Plan::new(scene, settings, &Camera::new(&scene.camera, &settings.film), limits)?;
+        let camera = Camera::new(&scene.camera, &settings.film);
+        let plan = Plan::new(scene, settings, &camera, limits)?;
         let samples = sample::Samples::take(scene, &plan)?;
         let mut forecast = Forecast::of(scene, settings, limits, &plan, choice);
         forecast.items = items::of(scene, settings, limits, (&plan, choice), Some(&samples));
+        forecast.set_work(look::work_of_all(scene, &camera, &plan, &samples)?);
         forecast.bytes = Bytes {
             volume_map: samples.volume_bytes(),
             surface_maps: samples.surface_bytes(),
@@ -137,7 +154,30 @@ impl Forecast {
                 density: crate::medium::bytes(&scene.media),
                 ..Bytes::default()
             },
+            seconds: None,
         }
+    }
+
+    /// Tells what items have to do in one part of a pass.
+    fn set_work(&mut self, works: Vec<(&'static str, Work)>) {
+        let parts = f64::from(self.passes.unwrap_or(1)) * f64::from(self.parts);
+        for (name, work) in works {
+            if let Some(item) = self.items.iter_mut().find(|item| item.name == name) {
+                item.work = work.times(parts);
+            }
+        }
+        self.price(&Costs::TYPICAL, false);
+    }
+
+    /// Tells what share of the time each item takes, and, if these costs are those of `this_machine`, how many seconds.
+    pub fn price(&mut self, costs: &Costs, this_machine: bool) {
+        let seconds: Vec<f64> = self.items.iter().map(|item| costs.seconds(&item.work)).collect();
+        let all: f64 = seconds.iter().sum();
+        for (item, seconds) in self.items.iter_mut().zip(seconds).filter(|(_, seconds)| *seconds > 0.0) {
+            item.share = Some(seconds / all);
+            item.seconds = this_machine.then_some(seconds);
+        }
+        self.seconds = this_machine.then_some(all);
     }
 
     /// An item by its name.

@@ -2,7 +2,7 @@
 
 use crate::Result;
 use crate::gather::{GlobalMap, SurfaceMap, VisibilityMap};
-use crate::photon::{Kind, Landed, Photon, Traced, sample, sample_surfaces, trace_shadows};
+use crate::photon::{Kind, Landed, Photon, Radius, Traced, sample, sample_surfaces, trace_shadows};
 use crate::render::maps::{Maps, mean_extinctions, shadow_order, surface_order, wanted};
 use crate::render::pass::order;
 use crate::render::plan::Plan;
@@ -21,6 +21,8 @@ pub(super) struct Samples {
     pub shadow: Option<Expected>,
     /// Of those that are forced, and read by no one.
     pub unread: Option<Box<Samples>>,
+    /// Maps of those that were traced.
+    pub maps: Maps,
 }
 
 /// What photons of a map come to.
@@ -50,8 +52,14 @@ pub(super) struct Expected {
     pub sparse_photons: u64,
     /// what irradiances take that are known beforehand,
     pub irradiances: u64,
+    /// of which there are so many,
+    pub irradiance_count: u64,
     /// and what tells where light comes from.
     pub flux: u64,
+    /// How many times as many photons are met in the map as among those that were traced,
+    pub fullness: f64,
+    /// and in that for rays that surfaces spread.
+    pub sparse_fullness: f64,
     /// Whether some discs lean on walls.
     pub leans: bool,
     /// The mean radius of discs.
@@ -61,18 +69,31 @@ pub(super) struct Expected {
 impl Samples {
     /// Traces some of the photons of a plan's first pass, and builds maps of them.
     pub fn take(scene: &Scene, plan: &Plan) -> Result<Samples> {
-        let volume = if plan.volume_photons > 0 { Some(of_media(scene, plan)?) } else { None };
-        let on_surfaces =
-            |kind| if wanted(plan, kind) > 0 { of_surfaces(scene, plan, kind).map(Some) } else { Ok(None) };
+        let mut maps = Maps::default();
+        let volume = if plan.volume_photons > 0 { Some(of_media(scene, plan, &mut maps)?) } else { None };
+        let mut on_surfaces =
+            |kind| if wanted(plan, kind) > 0 { of_surfaces(scene, plan, kind, &mut maps).map(Some) } else { Ok(None) };
+        let (caustic, global) = (on_surfaces(Kind::Caustic)?, on_surfaces(Kind::Global)?);
         let shadow = shadow_order(plan, 0).map(|order| {
             let shadows = trace_shadows(scene, &order, &|| false);
             let map = VisibilityMap::build(&shadows.photons, scene.lights.len());
             let (stored, emitted) = (shadows.photons.len() as u64, shadows.emitted);
-            Expected { stored, emitted, bytes: map.bytes() as u64, ..Expected::default() }
+            let bytes = map.bytes() as u64;
+            maps.visibility = Some(map);
+            Expected { stored, emitted, bytes, ..Expected::default() }
         });
-        let (caustic, global) = (on_surfaces(Kind::Caustic)?, on_surfaces(Kind::Global)?);
         let unread = plan.unread.as_ref().map(|unread| Samples::take(scene, unread)).transpose()?.map(Box::new);
-        Ok(Samples { volume, caustic, global, shadow, unread })
+        Ok(Samples { volume, caustic, global, shadow, unread, maps })
+    }
+
+    /// How many times as many photons as in the map of those that were traced in media are met in that of all.
+    pub fn fullness(&self) -> f64 {
+        self.volume.as_ref().map_or(1.0, |volume| volume.fullness)
+    }
+
+    /// The same for rays that surfaces spread.
+    pub fn sparse_fullness(&self) -> f64 {
+        self.volume.as_ref().map_or(1.0, |volume| volume.sparse_fullness)
     }
 
     /// Bytes of the maps of photons in media.
@@ -116,7 +137,7 @@ fn all(part: u64, emitted: u64, planned: u64) -> u64 {
     (part as f64 * planned as f64 / emitted.max(1) as f64).round() as u64
 }
 
-fn of_media(scene: &Scene, plan: &Plan) -> Result<Expected> {
+fn of_media(scene: &Scene, plan: &Plan, found: &mut Maps) -> Result<Expected> {
     let traced = sample(scene, &order(plan, 0), ENOUGH)?;
     let Traced { emitted, planned, events, aimed, forced, .. } = traced;
     let scaled = |part: usize| all(part as u64, emitted, planned);
@@ -137,6 +158,9 @@ fn of_media(scene: &Scene, plan: &Plan) -> Result<Expected> {
     let thinned = Plan { radius: plan.radius.among(emitted as f64 / planned as f64), spreads: false, ..plan.clone() };
     let extinctions = mean_extinctions(scene, &traced.regions);
     let maps = Maps::build(scene, &thinned, 0, &extinctions, traced.regions);
+    expected.fullness = planned as f64 / emitted as f64;
+    let one_in = sparse::one_in(expected.stored as usize).filter(|_| plan.spreads && plan.points.is_none());
+    expected.sparse_fullness = expected.fullness * one_in.map_or(1.0, |one_in| met(plan.radius, one_in as u32));
     let mut radii = 0.0;
     for (_, map) in maps.summaries() {
         let (photons, bytes) = (scaled(map.photons), scaled(map.bytes));
@@ -150,10 +174,23 @@ fn of_media(scene: &Scene, plan: &Plan) -> Result<Expected> {
         radii += f64::from(map.radii.mean) * photons as f64;
     }
     expected.radius = radii / expected.stored as f64;
+    found.volume = maps.volume;
     Ok(expected)
 }
 
-fn of_surfaces(scene: &Scene, plan: &Plan, kind: Kind) -> Result<Expected> {
+/// The share of photons that a ray still meets where one in so many stands for all, and is spread more widely: of N photons in discs of radius r a ray
+/// meets some N r², and n of them fill a radius r ∝ (n/N)^⅓.
+fn met(radius: Radius, one_in: u32) -> f64 {
+    let fewer = f64::from(one_in).recip();
+    match (radius, sparse::wider(radius, one_in)) {
+        (Radius::Variable { neighbours: all, .. }, Radius::Variable { neighbours, .. }) => {
+            fewer * (f64::from(neighbours) / f64::from(all) / fewer).powf(2.0 / 3.0)
+        }
+        _ => fewer,
+    }
+}
+
+fn of_surfaces(scene: &Scene, plan: &Plan, kind: Kind, found: &mut Maps) -> Result<Expected> {
     let landed = sample_surfaces(scene, &surface_order(plan, kind, 0), ENOUGH)?;
     let Landed { emitted, planned, events, aimed, from_media_only, why_none, .. } = landed;
     let scaled = |part: usize| all(part as u64, emitted, planned);
@@ -166,6 +203,9 @@ fn of_surfaces(scene: &Scene, plan: &Plan, kind: Kind) -> Result<Expected> {
         why_none,
         ..Expected::default()
     };
+    if kind == Kind::Global {
+        found.from_media_only = from_media_only;
+    }
     if landed.photons.is_empty() {
         return Ok(expected);
     }
@@ -174,12 +214,17 @@ fn of_surfaces(scene: &Scene, plan: &Plan, kind: Kind) -> Result<Expected> {
             let (reach, filter) = plan.caustics;
             let map = SurfaceMap::build(scene, (kind, landed.photons), reach, filter, 1.0);
             expected.bytes = scaled(map.bytes());
+            found.caustic = Some(map);
         }
         Kind::Global => {
             let map = GlobalMap::build(scene, (landed.photons, landed.scattered), &plan.global, 1.0);
             expected.bytes = scaled(map.bytes());
             expected.irradiances = scaled(map.irradiance_bytes());
+            if let Some(places) = expected.stored.checked_div(u64::from(plan.global.precomputed)) {
+                expected.irradiance_count = places;
+            }
             expected.flux = map.flux().map_or(0, |flux| scaled(flux.bytes()));
+            found.global = Some(map);
         }
     }
     Ok(expected)

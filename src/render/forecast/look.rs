@@ -1,0 +1,271 @@
+//! What the pixels of a pass have to do, by a few of them.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use super::sample::Samples;
+use super::work::{Unit, Work};
+use crate::Result;
+use crate::gather::{GatherStats, Queue};
+use crate::math::Cells;
+use crate::photon::{self, Kind, SurfacePass, sample_surfaces};
+use crate::render::camera::Camera;
+use crate::render::eye::{Context, Eye, EyeSettings, Happening, Indirect, Mode, Told};
+use crate::render::irradiance::{BATCH, Filler, most_records};
+use crate::render::maps::surface_order;
+use crate::render::pass::order;
+use crate::render::plan::{CacheSettings, Plan};
+use crate::render::tile::{BUNDLE, every_second_bit, eye_settings, mode, set_out};
+use crate::scene::Scene;
+use crate::scene::description::Method;
+use crate::surface::Nature;
+use crate::transport::{Parts, Tally};
+
+/// Bundles of pixels that are looked at.
+const BUNDLES: u32 = 8;
+/// Gather rays of a record that only tells how many records there will be: fewer than those of the render.
+const FEW_RAYS: u32 = 48;
+/// Records that are made for that, at most.
+const RECORDS: u64 = 4096;
+/// Paths are broken off when that was asked about so often, each time after thousands of events of one path.
+const PATIENCE: u64 = 64;
+
+/// What a pass has to do.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Looked {
+    /// For all camera samples.
+    pub camera: Work,
+    /// For all records of the irradiance cache.
+    pub records: Work,
+}
+
+/// What some camera samples did.
+#[derive(Clone, Copy, Default)]
+struct Seen {
+    samples: f64,
+    all: Steps,
+    /// Of that, what came after the first matte surface of each,
+    onward: Steps,
+    /// from which so many went on.
+    sent: f64,
+    gathered: GatherStats,
+}
+
+/// What happened to paths.
+#[derive(Clone, Copy, Default)]
+struct Steps {
+    rays: f64,
+    segments: f64,
+    uneven: f64,
+    bounces: f64,
+    collisions: f64,
+    /// Matte surfaces that were met.
+    matte: f64,
+}
+
+impl Steps {
+    /// Counts a step of a path.
+    fn count(&mut self, scene: &Scene, what: &Happening) {
+        match what {
+            Happening::Segment { medium, .. } => {
+                self.segments += 1.0;
+                self.uneven += f64::from(!scene.media[*medium as usize].density.is_even());
+            }
+            Happening::Surface { nature, onward, .. } => {
+                self.bounces += 1.0;
+                self.rays += f64::from(onward.is_some());
+                self.matte += f64::from(*nature == Nature::Diffuse);
+            }
+            Happening::Collision { onward, .. } => {
+                self.collisions += 1.0;
+                self.rays += f64::from(onward.is_some());
+            }
+            Happening::Light { .. } | Happening::Escape => {}
+        }
+    }
+}
+
+/// What a ray among so many shapes and triangles costs, against one among few.
+pub(super) fn depth(scene: &Scene) -> f64 {
+    let primitives: u64 = (0..scene.geometry.placed().len() as u32)
+        .map(|shape| u64::from(scene.geometry.triangles(shape).unwrap_or(1)))
+        .sum();
+    1.0 + DEEPER * (primitives.max(1) as f64).log2()
+}
+
+/// By how much rays cost more where there are twice as many triangles.
+const DEEPER: f64 = 0.15;
+
+/// What each item has to do in one part of a pass.
+pub(super) fn work_of_all(
+    scene: &Scene,
+    camera: &Camera,
+    plan: &Plan,
+    samples: &Samples,
+) -> Result<Vec<(&'static str, Work)>> {
+    let mut works = of_photons(scene, samples);
+    works.extend(samples.unread.iter().flat_map(|unread| of_photons(scene, unread)));
+    let looked = look(scene, camera, plan, samples);
+    works.push(("camera_paths", looked.camera));
+    if plan.cache.is_some() {
+        works.push(("irradiance_cache", looked.records));
+    }
+    if plan.method == Method::Light {
+        let (width, height) = (camera.window().width, camera.window().height);
+        let paths = f64::from(width) * f64::from(height) * f64::from(plan.samples);
+        works.push(("light_paths", of_light_paths(scene, plan)?.times(paths)));
+    }
+    Ok(works)
+}
+
+/// Emissions of pilots, of each map.
+const PILOTS: f64 = 25_000.0;
+
+/// What photons and their maps have to do.
+fn of_photons(scene: &Scene, samples: &Samples) -> Vec<(&'static str, Work)> {
+    let deep = depth(scene);
+    let wanders = scene.distances.iter().flatten().next().is_some();
+    let mut works = Vec::new();
+    for (photons, map, found, stored, wanders) in [
+        ("volume_photons", "volume_map", &samples.volume, Unit::Photon, wanders),
+        ("caustic_photons", "caustic_map", &samples.caustic, Unit::SurfacePhoton, false),
+        ("global_photons", "global_map", &samples.global, Unit::SurfacePhoton, false),
+        ("shadow_photons", "visibility_map", &samples.shadow, Unit::SurfacePhoton, false),
+    ] {
+        let Some(found) = found else { continue };
+        let emitted = found.emitted as f64 + PILOTS;
+        let events = match found.emitted {
+            0 => 0.0,
+            emissions => found.events as f64 * (emitted / emissions as f64),
+        };
+        let event = if wanders { (Unit::Wandering, events) } else { (Unit::Event, deep * events) };
+        works.push((photons, Work::of(&[(Unit::Emission, deep * emitted), event])));
+        let built = found.stored + found.sparse_photons;
+        works.push((map, Work::of(&[(stored, built as f64), (Unit::Irradiance, found.irradiance_count as f64)])));
+    }
+    works
+}
+
+/// What a light path has to do, by some photons.
+fn of_light_paths(scene: &Scene, plan: &Plan) -> Result<Work> {
+    const FEW: u64 = 1000;
+    let surfaces = sample_surfaces(scene, &SurfacePass { target: FEW, ..surface_order(plan, Kind::Global, 0) }, FEW)?;
+    let media = photon::sample(scene, &photon::Pass { target: FEW, ..order(plan, 0) }, FEW)?;
+    let (events, deep) = (surfaces.events.max(media.events), depth(scene));
+    // Each event is seen by the camera, if nothing is in the way.
+    Ok(Work::of(&[(Unit::Emission, deep), (Unit::Event, deep * events), (Unit::ShadowRay, deep * events)]))
+}
+
+/// Looks at some pixels of a planned pass through maps of a part of its photons.
+pub(super) fn look(scene: &Scene, camera: &Camera, plan: &Plan, samples: &Samples) -> Looked {
+    let asked = AtomicU64::new(0);
+    let stop = || asked.fetch_add(1, Ordering::Relaxed) >= PATIENCE;
+    let maps = Some(&samples.maps).filter(|_| plan.method == Method::Photon);
+    let settings = eye_settings(plan, camera, (mode(plan, maps), maps), &stop);
+    let eye = Eye::new(scene, settings);
+    let seen = some_pixels(scene, camera, plan, &eye);
+    let window = camera.window();
+    let paths = f64::from(window.width) * f64::from(window.height) * f64::from(plan.samples);
+    let Some(cache) = plan.cache.filter(|_| eye.gathers()) else {
+        let camera = seen.work(scene, plan, &seen.all, samples.fullness());
+        return Looked { camera: camera.times(paths / seen.samples.max(1.0)), ..Looked::default() };
+    };
+
+    // Paths that a record tells the rest, and rays that records send.
+    let straight = Eye::new(scene, EyeSettings { indirect: Indirect::Nobody, ..settings });
+    let told = some_pixels(scene, camera, plan, &straight);
+    let camera_work = told.work(scene, plan, &told.all, samples.fullness());
+    let onward = seen.work(scene, plan, &seen.onward, samples.sparse_fullness());
+    let sent = count_records(scene, camera, plan, &eye, cache, &stop) as f64 * cache.rays() as f64;
+    Looked {
+        camera: camera_work.times(paths / told.samples.max(1.0)),
+        records: onward.times(if seen.sent > 0.0 { sent / seen.sent } else { 0.0 }),
+    }
+}
+
+/// About how many records there will be: as many as with few rays each.
+fn count_records(
+    scene: &Scene,
+    camera: &Camera,
+    plan: &Plan,
+    eye: &Eye<'_>,
+    settings: CacheSettings,
+    stop: &(impl Fn() -> bool + Sync),
+) -> u64 {
+    let most = most_records(camera.size(), plan.samples, &settings);
+    let settings = CacheSettings { cells: Cells::about(FEW_RAYS), by_flux: 0, ..settings };
+    let filler = Filler { scene, camera, plan, settings, eye, pass: 0, scale: 1.0 };
+    let batches = AtomicU64::new(0);
+    let enough = most.min(RECORDS).div_ceil(BATCH as u64);
+    let filled = filler.fill(&|| batches.fetch_add(1, Ordering::Relaxed) >= enough || stop());
+    (filled.cache.len() as u64).min(most)
+}
+
+/// Follows one path from each pixel of some bundles.
+fn some_pixels<'s>(scene: &'s Scene, camera: &Camera, plan: &Plan, eye: &Eye<'s>) -> Seen {
+    // By the plastic number, which is to the plane what the golden ratio is to the line.
+    const STEPS: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
+    let window = camera.window();
+    let (mut queue, mut parts, mut tally) = (Queue::default(), Parts::new(), Tally::default());
+    let mut seen = Seen::default();
+    for bundle in 0..BUNDLES {
+        let place = |step: f64, from: u32, size: u32| {
+            let share = (0.5 + f64::from(bundle) * step).fract();
+            (from + (share * f64::from(size)) as u32) / BUNDLE * BUNDLE
+        };
+        let (x0, y0) = (place(STEPS[0], window.x, window.width), place(STEPS[1], window.y, window.height));
+        queue.begin(camera.fan((x0, y0), BUNDLE, (BUNDLE * BUNDLE) as usize));
+        for index in 0..BUNDLE * BUNDLE {
+            let (x, y) = (x0 + every_second_bit(index), y0 + every_second_bit(index >> 1));
+            if x >= camera.size().0 || y >= camera.size().1 {
+                continue;
+            }
+            let (mut stream, ray, inside) = set_out((scene, camera, plan), (x, y), (0, 0));
+            let mut context =
+                Context { stream: &mut stream, queue: &mut queue, pixel: 0, tally: &mut tally, parts: &mut parts };
+            let (_, told) = eye.tell(ray, inside, &mut context);
+            seen.samples += 1.0;
+            seen.all.rays += 1.0;
+            let mut is_onward = false;
+            for Told { what, .. } in &told {
+                seen.all.count(scene, what);
+                if is_onward {
+                    seen.onward.count(scene, what);
+                } else if let Happening::Surface { nature: Nature::Diffuse, onward, .. } = what {
+                    is_onward = true;
+                    seen.sent += f64::from(onward.is_some());
+                    seen.onward.rays += f64::from(onward.is_some());
+                }
+            }
+        }
+        if let Mode::Gather(maps) = eye.mode() {
+            maps.gather_bundles(&mut queue);
+        }
+    }
+    if let Mode::Gather(maps) = eye.mode() {
+        maps.gather_streams(&mut queue);
+    }
+    seen.gathered = queue.stats;
+    seen
+}
+
+impl Seen {
+    /// What some of the steps had to do, where maps hold `full` times as many photons as those that were looked up.
+    fn work(&self, scene: &Scene, plan: &Plan, steps: &Steps, full: f64) -> Work {
+        let Steps { rays, segments, uneven, bounces, collisions, matte } = *steps;
+        let share = |part: f64, of: f64| if of > 0.0 { part / of } else { 0.0 };
+        let (deep, gathered) = (depth(scene), share(segments, self.all.segments));
+        // Where paths collide, each asks for light.
+        let asked = self.gathered.shadow_rays as f64 * share(bounces, self.all.bounces)
+            + if plan.method == Method::Path { collisions } else { 0.0 };
+        let looked_up = if plan.caustic_photons + plan.global_photons > 0 { matte } else { 0.0 };
+        Work::of(&[
+            (Unit::Ray, deep * rays),
+            (Unit::Bounce, bounces + collisions),
+            (Unit::ShadowRay, deep * asked),
+            (Unit::Flight, uneven),
+            (Unit::Query, gathered * self.gathered.queries as f64),
+            (Unit::Block, gathered * full * self.gathered.blocks as f64),
+            (Unit::LookUp, looked_up),
+        ])
+    }
+}
