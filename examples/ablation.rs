@@ -15,6 +15,9 @@ use volpm::scene;
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
+/// What a scene is called, and how it differs from the room.
+type Case = (&'static str, &'static [&'static str]);
+
 /// A room with a lamp, a matte ball and one of glass.
 const ROOM: &str = r#"
 film = { width = 160, height = 120, layers = false }
@@ -45,15 +48,14 @@ position = [1, 3, 0]
 intensity = 5
 "#;
 
-const PATHS: (&str, &[&str]) = ("room, paths", &[]);
-const FOG_PATHS: (&str, &[&str]) = ("fog, paths", &["world.medium=fog"]);
-const FOG: (&str, &[&str]) = ("fog, photons", &["world.medium=fog", "render.method=photon"]);
-const FOG_SHOWN: (&str, &[&str]) =
-    ("fog, photons shown", &["world.medium=fog", "render.method=photon", "surface.indirect=map"]);
-const FEW_EVENTS: (&str, &[&str]) = ("room, six events", &["render.max_depth=6"]);
+const PATHS: Case = ("room, paths", &[]);
+const FOG_PATHS: Case = ("fog, paths", &["world.medium=fog"]);
+const FOG: Case = ("fog, photons", &["world.medium=fog", "render.method=photon"]);
+const FOG_SHOWN: Case = ("fog, photons shown", &["world.medium=fog", "render.method=photon", "surface.indirect=map"]);
+const FEW_EVENTS: Case = ("room, six events", &["render.max_depth=6"]);
 
 /// What is forced, in which scene: one that does without it.
-const CASES: [(&[Forced], (&str, &[&str])); 12] = [
+const CASES: [(&[Forced], Case); 12] = [
     (&[Forced::EternityPilot], FEW_EVENTS),
     (&[Forced::Importons], FOG),
     (&[Forced::VolumePhotons], FOG_PATHS),
@@ -106,7 +108,7 @@ fn measured(case: usize, forces: &str) -> Outcome<[f64; 3]> {
 }
 
 /// One render, with what it took on stdout.
-fn render((forced, (_, overrides)): (&[Forced], (&str, &[&str])), forces: bool) -> Outcome<()> {
+fn render((forced, (_, overrides)): (&[Forced], Case), forces: bool) -> Outcome<()> {
     let overrides: Vec<String> = overrides.iter().map(ToString::to_string).collect();
     let (scene, settings) = scene::build(&scene::parse(ROOM, "ablation.toml".as_ref(), &overrides)?)?;
     let limits = Limits { forced: if forces { forced.to_vec() } else { Vec::new() }, ..Limits::default() };

@@ -132,6 +132,7 @@ fn flux_is_kept_for_gather_rays_alone() {
 #[test]
 fn what_is_forced_changes_no_light() {
     let paths = ["world.medium=fog", "render.method=path", "photons.volume=30000", "photons.global=30000"];
+    let many = ["world.medium=fog", "render.method=path", "render.samples=32"];
     let few = ["render.method=path", "render.max_depth=5", "film.layers=false", "shapes.ball.material=glass"];
     let fog = ["world.medium=fog", "render.method=photon", "photons.volume=60000", "surface.indirect=map"];
     let cases: [(&[&str], Forced, f64); 12] = [
@@ -144,7 +145,7 @@ fn what_is_forced_changes_no_light() {
         (&paths, Forced::FluxMap, 0.0),
         (&few, Forced::FilmLayers, 1e-6),
         (&few, Forced::PassSums, 1e-6),
-        (&paths, Forced::PathSplitting, 0.1),
+        (&many, Forced::PathSplitting, 0.1),
         (&fog, Forced::Importons, 0.1),
         (&fog, Forced::SparseVolumeMap, 0.1),
     ];

@@ -13,7 +13,8 @@ use crate::{Error, Result};
 
 #[derive(Args)]
 #[command(
-    after_help = "Nothing is rendered: a part of the photons is traced to tell what all of them come to. docs/plan.md tells what each line is."
+    after_help = "Nothing is rendered: a part of the photons is traced to tell what all of them come to. docs/plan.md tells what each line is.",
+    mut_arg("scene", |scene| scene.required(false))
 )]
 pub struct Arguments {
     #[command(flatten)]

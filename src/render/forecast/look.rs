@@ -4,7 +4,6 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::sample::Samples;
 use super::work::{Unit, Work};
-use crate::Result;
 use crate::gather::{GatherStats, Queue};
 use crate::math::Cells;
 use crate::photon::{self, Kind, SurfacePass, sample_surfaces};
@@ -31,11 +30,11 @@ const PATIENCE: u64 = 64;
 
 /// What a pass has to do.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Looked {
+struct Looked {
     /// For all camera samples.
-    pub camera: Work,
+    camera: Work,
     /// For all records of the irradiance cache.
-    pub records: Work,
+    records: Work,
 }
 
 /// What some camera samples did.
@@ -85,7 +84,7 @@ impl Steps {
 }
 
 /// What a ray among so many shapes and triangles costs, against one among few.
-pub(super) fn depth(scene: &Scene) -> f64 {
+fn depth(scene: &Scene) -> f64 {
     let primitives: u64 = (0..scene.geometry.placed().len() as u32)
         .map(|shape| u64::from(scene.geometry.triangles(shape).unwrap_or(1)))
         .sum();
@@ -96,12 +95,7 @@ pub(super) fn depth(scene: &Scene) -> f64 {
 const DEEPER: f64 = 0.15;
 
 /// What each item has to do in one part of a pass.
-pub(super) fn work_of_all(
-    scene: &Scene,
-    camera: &Camera,
-    plan: &Plan,
-    samples: &Samples,
-) -> Result<Vec<(&'static str, Work)>> {
+pub(super) fn work_of_all(scene: &Scene, camera: &Camera, plan: &Plan, samples: &Samples) -> Vec<(&'static str, Work)> {
     let mut works = of_photons(scene, samples);
     works.extend(samples.unread.iter().flat_map(|unread| of_photons(scene, unread)));
     let looked = look(scene, camera, plan, samples);
@@ -112,9 +106,9 @@ pub(super) fn work_of_all(
     if plan.method == Method::Light {
         let (width, height) = (camera.window().width, camera.window().height);
         let paths = f64::from(width) * f64::from(height) * f64::from(plan.samples);
-        works.push(("light_paths", of_light_paths(scene, plan)?.times(paths)));
+        works.push(("light_paths", of_light_paths(scene, plan).times(paths)));
     }
-    Ok(works)
+    works
 }
 
 /// Emissions of pilots, of each map.
@@ -145,18 +139,19 @@ fn of_photons(scene: &Scene, samples: &Samples) -> Vec<(&'static str, Work)> {
     works
 }
 
-/// What a light path has to do, by some photons.
-fn of_light_paths(scene: &Scene, plan: &Plan) -> Result<Work> {
+/// What a light path has to do, by some photons; where these would be too long to trace, as if it had no events.
+fn of_light_paths(scene: &Scene, plan: &Plan) -> Work {
     const FEW: u64 = 1000;
-    let surfaces = sample_surfaces(scene, &SurfacePass { target: FEW, ..surface_order(plan, Kind::Global, 0) }, FEW)?;
-    let media = photon::sample(scene, &photon::Pass { target: FEW, ..order(plan, 0) }, FEW)?;
-    let (events, deep) = (surfaces.events.max(media.events), depth(scene));
+    let surfaces = SurfacePass { target: FEW, ..surface_order(plan, Kind::Global, 0) };
+    let surfaces = sample_surfaces(scene, &surfaces, FEW).map_or(0.0, |landed| landed.events);
+    let media = photon::sample(scene, &photon::Pass { target: FEW, ..order(plan, 0) }, FEW);
+    let (events, deep) = (media.map_or(0.0, |traced| traced.events).max(surfaces), depth(scene));
     // Each event is seen by the camera, if nothing is in the way.
-    Ok(Work::of(&[(Unit::Emission, deep), (Unit::Event, deep * events), (Unit::ShadowRay, deep * events)]))
+    Work::of(&[(Unit::Emission, deep), (Unit::Event, deep * events), (Unit::ShadowRay, deep * events)])
 }
 
 /// Looks at some pixels of a planned pass through maps of a part of its photons.
-pub(super) fn look(scene: &Scene, camera: &Camera, plan: &Plan, samples: &Samples) -> Looked {
+fn look(scene: &Scene, camera: &Camera, plan: &Plan, samples: &Samples) -> Looked {
     let asked = AtomicU64::new(0);
     let stop = || asked.fetch_add(1, Ordering::Relaxed) >= PATIENCE;
     let maps = Some(&samples.maps).filter(|_| plan.method == Method::Photon);

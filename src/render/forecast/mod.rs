@@ -2,7 +2,8 @@
 //!
 //! `items` says which there are, by the decisions of the [`Plan`] and by whoever takes them; `sample` traces some of a pass's photons,
 //! and builds maps of them, to tell what all of them will take. The samples are the first photons of the render itself, so their
-//! maps differ from its own in size alone.
+//! maps differ from its own in size alone. `look` follows some camera paths through these maps, and counts what they do; `work` has what is counted, and what it
+//! costs, which `calibrate` measures. Nothing here is told by a clock but that, and no decision depends on it.
 
 mod calibrate;
 mod items;
@@ -120,7 +121,7 @@ impl Forecast {
         let samples = sample::Samples::take(scene, &plan)?;
         let mut forecast = Forecast::of(scene, settings, limits, &plan, choice);
         forecast.items = items::of(scene, settings, limits, (&plan, choice), Some(&samples));
-        forecast.set_work(look::work_of_all(scene, &camera, &plan, &samples)?);
+        forecast.set_work(look::work_of_all(scene, &camera, &plan, &samples));
         forecast.bytes = Bytes {
             volume_map: samples.volume_bytes(),
             surface_maps: samples.surface_bytes(),

@@ -139,7 +139,7 @@ pub struct Costs([f64; UNITS]);
 impl Costs {
     /// Those that shares of time are told by where none were measured: of one machine, fitted to the scenes of `scenes/`.
     pub const TYPICAL: Costs =
-        Costs([300.0, 400.0, 60.0, 1000.0, 700.0, 4000.0, 150.0, 400.0, 300.0, 1000.0, 1500.0, 12.0, 6000.0]);
+        Costs([550.0, 400.0, 120.0, 1200.0, 800.0, 12_000.0, 250.0, 500.0, 700.0, 5000.0, 2000.0, 12.0, 3500.0]);
 
     /// What one of these costs.
     pub fn of(&self, unit: Unit) -> f64 {
