@@ -7,7 +7,7 @@ use clap::Args;
 use super::costs;
 use super::force::Force;
 use super::planned::{Loaded, Planned};
-use crate::compare::{peak_bytes, resident_bytes};
+use crate::compare::{cpu_seconds, peak_bytes, resident_bytes};
 use crate::render::{Costs, Forecast, Item, Limits};
 use crate::{Error, Result};
 
@@ -33,7 +33,7 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<()> {
     if arguments.calibrate {
         // On one thread, as they are told.
-        let measured = super::pool(Some(1))?.install(Costs::measure)?;
+        let measured = super::pool(Some(1))?.install(|| Costs::measure(cpu_seconds))?;
         super::tell(format_args!("{}: costs of this machine", costs::write(&measured)?.display()));
     }
     let Some(planned) = &arguments.planned else {

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
+use std::time::Instant;
 
 use super::Forecast;
 use super::work::{Costs, Unit, Work};
@@ -61,20 +62,26 @@ const PROBES: [(&[&str], &[Told]); 3] = [
 ];
 
 impl Costs {
-    /// Measures costs on one thread of this machine: some seconds.
+    /// Measures costs on one thread of this machine: some seconds. `processor` tells how many of them the process has computed, where the system tells that:
+    /// what others compute meanwhile does not count then.
     ///
     /// # Errors
     /// As [`render`].
-    pub fn measure() -> Result<Costs> {
+    pub fn measure(processor: impl Fn() -> Option<f64>) -> Result<Costs> {
         let mut costs = Costs::TYPICAL;
         for (overrides, all_told) in PROBES {
             let overrides: Vec<String> = overrides.iter().map(ToString::to_string).collect();
             let (scene, settings) = scene::build(&scene::parse(ROOM, Path::new("calibrate.toml"), &overrides)?)?;
             let forecast = Forecast::new(&scene, &settings, &Limits::default(), None)?;
-            let rendered = || render(&scene, &settings, &Silent, &AtomicBool::new(false));
+            let rendered = || -> Result<_> {
+                let (start, before) = (Instant::now(), processor());
+                let stats = render(&scene, &settings, &Silent, &AtomicBool::new(false))?.stats;
+                let computed = processor().zip(before).map(|(after, before)| after - before);
+                Ok((stats, computed.map_or(1.0, |computed| computed / start.elapsed().as_secs_f64())))
+            };
             let renderings = (0..TIMES).map(|_| rendered()).collect::<Result<Vec<_>>>()?;
             for Told { seconds, items, units } in all_told {
-                let took = renderings.iter().map(|rendering| seconds(&rendering.stats)).fold(f64::INFINITY, f64::min);
+                let took = renderings.iter().map(|(stats, busy)| busy * seconds(stats)).fold(f64::INFINITY, f64::min);
                 let work: Work = items.iter().filter_map(|name| forecast.item(name)).map(|item| item.work).sum();
                 costs = costs.told(&work, units, took);
             }

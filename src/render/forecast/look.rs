@@ -91,6 +91,8 @@ fn depth(scene: &Scene) -> f64 {
     1.0 + DEEPER * (primitives.max(1) as f64).log2()
 }
 
+/// By how much a look-up costs more where photons are counted and no irradiance is known beforehand.
+const COUNTED: f64 = 5.0;
 /// By how much rays cost more where there are twice as many triangles.
 const DEEPER: f64 = 0.15;
 
@@ -252,7 +254,11 @@ impl Seen {
         // Where paths collide, each asks for light.
         let asked = self.gathered.shadow_rays as f64 * share(bounces, self.all.bounces)
             + if plan.method == Method::Path { collisions } else { 0.0 };
-        let looked_up = if plan.caustic_photons + plan.global_photons > 0 { matte } else { 0.0 };
+        let looked_up = match () {
+            () if plan.global_photons > 0 && plan.global.precomputed == 0 => COUNTED * matte,
+            () if plan.caustic_photons + plan.global_photons > 0 => matte,
+            () => 0.0,
+        };
         Work::of(&[
             (Unit::Ray, deep * rays),
             (Unit::Bounce, bounces + collisions),
