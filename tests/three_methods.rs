@@ -76,7 +76,7 @@ roughness = 0.4
 const LENS: &str = "camera.aperture=0.15";
 
 /// Name, what is changed of the parts, and shapes and lights.
-const SCENES: [(&str, &[&str], &[&str]); 13] = [
+const SCENES: [(&str, &[&str], &[&str]); 14] = [
     ("tiles and a block of fog", &[], &[FLOOR_OF_TILES, BLOCK_OF_FOG, SPOT]),
     ("the same by a lens", &[LENS, "camera.focus_distance=4"], &[FLOOR_OF_TILES, BLOCK_OF_FOG, SPOT]),
     ("all materials around fog", &[], &[COATED_FLOOR, BACK_WALL, BALLS, BLOCK_OF_FOG, LAMP]),
@@ -89,6 +89,7 @@ const SCENES: [(&str, &[&str], &[&str]); 13] = [
     ("glow, a lamp and a metal", &[LENS], &[FLOOR_OF_TILES, BALLS, GLOW, LAMP]),
     ("air that thins, and a spot", &[], &[COATED_FLOOR, BALLS, BLOCK_OF_AIR, SPOT]),
     ("dust that adds to grains", &[LENS], &[FLOOR_OF_TILES, DUST, LAMP]),
+    ("smoke that adds to mist", &[LENS], &[FLOOR_OF_TILES, SMOKE, LAMP]),
     ("many lamps in haze", &[], &[COATED_FLOOR, BACK_WALL, BALLS, ROOM_OF_HAZE, MANY]),
 ];
 
@@ -114,6 +115,13 @@ const DUST: &str = "[media.dust]\nsigma_s = 0.6\nsigma_a = [0.4, 0.2, 0]\nemissi
                     phase = { type = \"hg\", g = 0.7 }\n[media.grains]\nsigma_s = 0.9\n[[shapes]]\ntype = \"sphere\"\n\
                     center = [-0.5, 0.9, 0.4]\nradius = 0.6\ninterior = \"dust\"\n[[shapes]]\ntype = \"box\"\n\
                     min = [-0.7, 0.3, -1.2]\nmax = [1.5, 1.7, 1.2]\ninterior = \"grains\"\n";
+/// A ball of smoke that glows and adds to the block of mist it is half in: density, albedo, phase function and glow are others.
+const SMOKE: &str = "[media.mist]\nsigma_t = [0.4, 0.6, 0.8]\nalbedo = [0.9, 0.8, 0.9]\nphase = { type = \"hg\", g = 0.6 }\n\
+                     [media.smoke]\nsigma_t = [4, 6, 8]\nalbedo = [0.5, 0.7, 0.8]\nadd = true\n\
+                     density = { type = \"noise\", scale = 0.8, octaves = 3, threshold = 0.35, seed = 2 }\n\
+                     emission = { radiance = [0.6, 0.4, 0.2] }\n[[shapes]]\ntype = \"sphere\"\n\
+                     center = [-0.3, 0.9, 0.2]\nradius = 0.8\ninterior = \"smoke\"\n[[shapes]]\ntype = \"box\"\n\
+                     min = [-0.7, 0.05, -1.2]\nmax = [1.5, 1.7, 1.2]\ninterior = \"mist\"\n";
 const CLOUD: &str = "[[shapes]]\ntype = \"sphere\"\ncenter = [0.1, 1.1, 0]\nradius = 0.7\ninterior = \"cloud\"\n";
 const GLOW: &str = "[[shapes]]\ntype = \"sphere\"\ncenter = [0.2, 0.8, 0.3]\nradius = 0.6\ninterior = \"ember\"\n";
 const SPOT: &str = "[[lights]]\ntype = \"spot\"\nposition = [0.9, 3, 0.6]\ntarget = [0, 0.5, 0]\nintensity = [12, 10, 8]\n\

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use super::planned::refuse;
 use crate::geometry::Mesh;
 use crate::image::{self, Attribute, LayerData};
-use crate::medium::Phases;
+use crate::medium::{Albedo, Phases};
 use crate::medium::density::{npy, vdb};
 use crate::render::Checkpoint;
 use crate::scene;
@@ -258,12 +258,14 @@ fn scene_facts(path: &Path, strict: bool) -> Result<Value> {
                     Some(albedo) => json!(albedo.to_array()),
                     None => {
                         let (least, most) = medium.albedo.range();
-                        json!(format!("a grid, from {:?} to {:?}", least.to_array(), most.to_array()))
+                        let what = if matches!(medium.albedo, Albedo::Mixed(_)) { "mixed" } else { "a grid" };
+                        json!(format!("{what}, from {:?} to {:?}", least.to_array(), most.to_array()))
                     }
                 },
                 "mean_cosine": match &medium.phase {
                     Phases::Even(phase) => json!(phase.mean_cosine()),
-                    Phases::HenyeyGreenstein(grid) => json!(format!("a grid, up to {}", grid.largest())),
+                    Phases::HenyeyGreenstein(_) => json!(format!("a grid, up to {}", medium.phase.greatest_cosine())),
+                    Phases::Mixed(_) => json!(format!("mixed, up to {}", medium.phase.greatest_cosine())),
                 },
                 "glows": medium.glows(),
             })

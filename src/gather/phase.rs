@@ -49,9 +49,7 @@ impl PhaseLanes {
             None => match &medium.phase {
                 Phases::Even(phase) => PhaseLanes::new(phase.clone()),
                 // Photons tell theirs.
-                Phases::HenyeyGreenstein(asymmetry) => {
-                    PhaseLanes(Kind::Sum(vec![Term::of_scaled_directions(asymmetry.largest())]))
-                }
+                phases => PhaseLanes(Kind::Sum(vec![Term::of_scaled_directions(phases.greatest_cosine())])),
             },
         };
         media.iter().enumerate().map(of).collect()

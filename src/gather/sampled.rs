@@ -10,7 +10,7 @@ use std::ops::ControlFlow;
 
 use super::depth::DepthTable;
 use crate::math::Ray;
-use crate::medium::density::{Density, Grid};
+use crate::medium::density::{Density, Grid, Sum};
 use crate::photon::simd::{Isa, LANES, Lanes, Row, Task};
 use smallvec::SmallVec;
 
@@ -73,16 +73,10 @@ impl SampledDepths {
         }
         let start = self.values.len();
         self.values.push(0.0);
-        let total = match density.voxels() {
-            Some(grid) => self.sample_grid(grid, step, ray, (a, b), first),
-            None => {
-                let mut next = first + 1.0;
-                while next * step < b {
-                    self.values.push(density.depth(ray, a, next * step) as f32);
-                    next += 1.0;
-                }
-                density.depth(ray, a, b)
-            }
+        let total = match density {
+            Density::Grid(grid) => self.sample_grid(grid, step, ray, (a, b), first),
+            Density::Sum(sum) => self.sample_sum(sum, step, ray, (a, b), first),
+            Density::Uniform | Density::Exponential(_) => self.sample_closed(density, step, ray, (a, b), first),
         };
         // The last holds for all beyond.
         self.values.push(total as f32);
@@ -143,6 +137,39 @@ impl SampledDepths {
             table.push(t, f64::from(values.at(index)), f64::from(values.growth(index)) / (2.0 * step));
         }
         table.finish();
+    }
+
+    fn sample_closed(&mut self, density: &Density, step: f64, ray: &Ray, (a, b): (f64, f64), first: f64) -> f64 {
+        let mut next = first + 1.0;
+        while next * step < b {
+            self.values.push(density.depth(ray, a, next * step) as f32);
+            next += 1.0;
+        }
+        density.depth(ray, a, b)
+    }
+
+    /// Samples each part behind the others, and adds them up.
+    fn sample_sum(&mut self, sum: &Sum, step: f64, ray: &Ray, (a, b): (f64, f64), first: f64) -> f64 {
+        let start = self.values.len();
+        let last = (b / step).ceil();
+        let count = ((last - first) as usize).saturating_sub(1);
+        self.values.resize(start + count, 0.0);
+        let mut whole = 0.0;
+        for part in sum.parts() {
+            let total = match &part.density {
+                Density::Grid(grid) => self.sample_grid(grid, step, ray, (a, b), first),
+                density => self.sample_closed(density, step, ray, (a, b), first),
+            };
+            // Where voxels are clipped away, nothing is added.
+            self.values.resize(start + 2 * count, total as f32);
+            let (sums, own) = self.values[start..].split_at_mut(count);
+            for (sum, own) in sums.iter_mut().zip(own) {
+                *sum += part.weight as f32 * *own;
+            }
+            self.values.truncate(start + count);
+            whole += part.weight * total;
+        }
+        whole
     }
 
     fn sample_grid(&mut self, grid: &Grid, step: f64, ray: &Ray, (a, b): (f64, f64), first: f64) -> f64 {

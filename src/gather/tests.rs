@@ -12,7 +12,7 @@ use super::{BeamQuery, EyeSegment, Fan, GatherStats, Marching, PhaseLanes, Point
 use crate::math::random::Purpose;
 use crate::math::{DVec3, Frame, Ray, Rgb, Stream, Vec3, sampling};
 use crate::medium::density::bricks::{BrickGrid, Interpolation, NegativePolicy};
-use crate::medium::density::{Density, Exponential, Grid};
+use crate::medium::density::{self, Density, Exponential, Grid};
 use crate::medium::phase::{HenyeyGreenstein, Isotropic, Phase, Schlick};
 use crate::medium::{Emission, Medium};
 use crate::photon::kernel::Profile;
@@ -127,14 +127,18 @@ fn world(dice: &mut Dice) -> World {
             }
         }
     };
-    let density = match dice.below(6) {
+    let air = |dice: &mut Dice| {
+        let (up, scale_height) = (dice.direction(), extent * dice.decades(-1.0, 2.0));
+        Density::Exponential(Exponential { origin: center, up, scale_height, value: 1.0 })
+    };
+    let density = match dice.below(7) {
         0 | 1 => Density::Uniform,
-        2 => Density::Exponential(Exponential {
-            origin: center,
-            up: dice.direction(),
-            scale_height: extent * dice.decades(-1.0, 2.0),
-            value: 1.0,
-        }),
+        2 => air(dice),
+        3 => {
+            let parts = [Density::Uniform, air(dice), Density::Grid(voxels(dice, half, center))];
+            let part = |density| density::Part { weight: dice.between(0.1, 0.5), density };
+            Density::Sum(density::Sum::new(parts.into_iter().map(part).collect()))
+        }
         _ => Density::Grid(voxels(dice, half, center)),
     };
     // Photons in voxels count by the density, which rays together know less closely.
@@ -173,7 +177,7 @@ fn view(dice: &mut Dice, world: &World) -> (Vec<EyeSegment>, Option<Fan>) {
     let max_events = if dice.chance(0.8) { u8::MAX } else { dice.below(4) as u8 };
     let from_camera = dice.chance(0.8);
     let rays = match &world.medium.density {
-        Density::Grid(_) => 1 + dice.below(34),
+        Density::Grid(_) | Density::Sum(_) => 1 + dice.below(34),
         _ => 1 + dice.below(80),
     };
     let segments = (0..rays)

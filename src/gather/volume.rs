@@ -11,6 +11,7 @@ use super::{
     PhaseLanes, SampledDepths, Samples, StreamScratch,
 };
 use crate::math::{DVec3, Ray, Rgb, Vec3, one_minus_exp_over};
+use crate::medium::density::Density;
 use crate::medium::phase::Peak;
 use crate::medium::{Emission, Medium};
 use crate::photon::{PhotonMap, PointMemory};
@@ -309,25 +310,44 @@ pub fn emitted(
             medium.emitted(DVec3::ZERO) * mean
         }
         _ => {
-            let Some(density) = medium.density.voxels() else { return Rgb::ZERO };
             let (mut sum, mut depth) = (Rgb::ZERO, 0.0);
-            density.cells(ray, a, b, |cell| {
-                let inside = cell.integral();
-                if inside > 0.0 {
-                    let t = cell.ta + (cell.tb - cell.ta) * jitter();
-                    let p = ray.at(t);
-                    // The depth up to t, as if the cell were even.
-                    let part = (t - cell.ta) / (cell.tb - cell.ta);
-                    let emitted = medium.emitted(p);
-                    if emitted.max_element() > 0.0 {
-                        let here = emitted * (density.at(p) * (cell.tb - cell.ta) * share(p));
-                        sum += here * medium.transmittance(depth + part * inside);
+            // What is emitted at `t`, over the share `width` of a length, where it is so deep.
+            let here = |t: f64, width: f64, depth: f64| {
+                let p = ray.at(t);
+                match medium.emitted(p) {
+                    emitted if emitted.max_element() > 0.0 => {
+                        emitted * (medium.density.at(p) * width * share(p)) * medium.transmittance(depth)
                     }
+                    _ => Rgb::ZERO,
                 }
-                depth += inside;
-                ControlFlow::Continue(())
-            });
+            };
+            match &medium.density {
+                Density::Uniform | Density::Exponential(_) => {}
+                Density::Grid(grid) => grid.cells(ray, a, b, |cell| {
+                    let inside = cell.integral();
+                    if inside > 0.0 {
+                        // The depth up to there, as if the cell were even.
+                        let part = jitter();
+                        let width = cell.tb - cell.ta;
+                        sum += here(cell.ta + width * part, width, depth + part * inside);
+                    }
+                    depth += inside;
+                    ControlFlow::Continue(())
+                }),
+                Density::Sum(density) => density.pieces(ray, (a, b), (b - a) / PIECES, |piece| {
+                    let width = piece.tb - piece.ta;
+                    if piece.depth > 0.0 && width.is_finite() {
+                        let t = piece.ta + width * jitter();
+                        sum += here(t, width, depth + density.depth_in(ray, piece, t));
+                    }
+                    depth += piece.depth;
+                    ControlFlow::Continue(())
+                }),
+            }
             sum
         }
     }
 }
+
+/// Of what several media emit together there is a point in each so many parts of a ray, at least.
+const PIECES: f64 = 64.0;

@@ -1,5 +1,8 @@
 //! What varies over a medium besides its density: numbers and colours that grids tell, of the density's own file.
 
+use std::sync::Arc;
+
+use super::Parts;
 use super::density::Grid;
 use super::phase::{HenyeyGreenstein, Phase};
 use crate::math::{DAffine3, DVec3, Rgb, Stream};
@@ -72,6 +75,8 @@ pub enum Albedo {
     Even(Rgb),
     /// Told by voxels.
     Varying(Box<VaryingAlbedo>),
+    /// That of several media, by how dense each is at a place.
+    Mixed(Arc<Parts>),
 }
 
 /// An albedo that voxels tell.
@@ -101,7 +106,7 @@ impl Albedo {
     pub fn even(&self) -> Option<Rgb> {
         match self {
             Albedo::Even(albedo) => Some(*albedo),
-            Albedo::Varying(_) => None,
+            Albedo::Varying(_) | Albedo::Mixed(_) => None,
         }
     }
 
@@ -110,6 +115,7 @@ impl Albedo {
         match self {
             Albedo::Even(albedo) => (*albedo, *albedo),
             Albedo::Varying(varying) => (varying.least, varying.most),
+            Albedo::Mixed(parts) => parts.albedo_range(),
         }
     }
 
@@ -117,6 +123,7 @@ impl Albedo {
         match self {
             Albedo::Even(_) => Vec::new(),
             Albedo::Varying(varying) => varying.field.grids(),
+            Albedo::Mixed(parts) => parts.media().iter().flat_map(|medium| medium.albedo.grids()).collect(),
         }
     }
 
@@ -127,6 +134,7 @@ impl Albedo {
                 let field = varying.field.moved(transform);
                 Albedo::Varying(Box::new(VaryingAlbedo { field, ..**varying }))
             }
+            Albedo::Mixed(parts) => Albedo::Mixed(Arc::new(parts.moved(transform))),
         }
     }
 }
@@ -157,6 +165,8 @@ pub enum Phases {
     Even(Phase),
     /// Henyey and Greenstein's with a mean cosine g that voxels tell.
     HenyeyGreenstein(Box<Asymmetry>),
+    /// Those of several media, by how much each scatters at a place. They are Henyey and Greenstein's, or sums of such.
+    Mixed(Arc<Parts>),
 }
 
 /// The mean cosine g of a phase function, told by voxels.
@@ -177,11 +187,6 @@ impl Asymmetry {
         Asymmetry { shifted, largest: largest.min(NARROWEST) }
     }
 
-    /// The greatest |g| anywhere.
-    pub fn largest(&self) -> f64 {
-        self.largest
-    }
-
     /// The phase function at the point `p`.
     fn at(&self, p: DVec3) -> HenyeyGreenstein {
         HenyeyGreenstein { g: (self.shifted.at(p) - 1.0).clamp(-NARROWEST, NARROWEST) }
@@ -193,60 +198,72 @@ impl Phases {
     pub fn even(&self) -> Option<&Phase> {
         match self {
             Phases::Even(phase) => Some(phase),
-            Phases::HenyeyGreenstein(_) => None,
+            Phases::HenyeyGreenstein(_) | Phases::Mixed(_) => None,
         }
     }
 
-    /// The greatest mean cosine that it has anywhere, forward or backward.
+    /// The greatest mean cosine that it has anywhere, forward or backward; of several media that of the narrowest lobe of one.
     pub fn greatest_cosine(&self) -> f64 {
         match self {
             Phases::Even(phase) => phase.mean_cosine().abs(),
             Phases::HenyeyGreenstein(asymmetry) => asymmetry.largest,
+            Phases::Mixed(parts) => parts.greatest_cosine().min(NARROWEST),
         }
     }
 
-    /// The value per steradian at the point `p` for light that travelled along `before` and goes on along `after`.
-    pub fn value(&self, p: DVec3, before: DVec3, after: DVec3) -> f64 {
-        match self {
+    /// The value per steradian at the point `p`, by channel, for light that travelled along `before` and goes on along `after`, and the density
+    /// per steradian with which [`Phases::sample`] draws that.
+    #[inline]
+    pub fn value(&self, p: DVec3, before: DVec3, after: DVec3) -> (Rgb, f64) {
+        let value = match self {
             Phases::Even(phase) => phase.value(before, after),
             Phases::HenyeyGreenstein(asymmetry) => Phase::from(asymmetry.at(p)).value(before, after),
-        }
+            Phases::Mixed(parts) => return parts.phase(p, before, after),
+        };
+        (Rgb::splat(value), value)
     }
 
-    /// A new direction at the point `p` for light that travelled along `before`, and its density per steradian: see [`Phase::sample`].
-    pub fn sample(&self, p: DVec3, before: DVec3, stream: &mut Stream) -> (DVec3, f64) {
+    /// A new direction at the point `p` for light that travelled along `before`, and its density per steradian: see [`Phase::sample`]. What
+    /// channels that are turned otherwise count there goes into `weight`: for one phase function that is 1.
+    #[inline]
+    pub fn sample(&self, p: DVec3, before: DVec3, weight: &mut Rgb, stream: &mut Stream) -> (DVec3, f64) {
         match self {
             Phases::Even(phase) => phase.sample(before, stream),
             Phases::HenyeyGreenstein(asymmetry) => Phase::from(asymmetry.at(p)).sample(before, stream),
+            Phases::Mixed(parts) => parts.sample(p, before, weight, stream),
         }
     }
 
     /// The direction, and a factor of the power, with which a photon at the point `p` is kept.
     ///
     /// Where g varies these hold the phase function of the place: with v = g d, a photon that travels along d sends
-    /// (1 − g²)/4π |v + ω|³ against the direction ω, as cos θ = −d·ω. So v is kept in place of d, and 1 − g² goes into the power.
-    pub(crate) fn kept(&self, p: DVec3, direction: DVec3) -> (DVec3, f64) {
+    /// (1 − g²)/4π |v + ω|³ against the direction ω, as cos θ = −d·ω. So v is kept in place of d, and 1 − g² goes into the power. Of several
+    /// media one is drawn by chance, and the power is that over the chance.
+    #[inline]
+    pub(crate) fn kept(&self, p: DVec3, direction: DVec3, stream: &mut Stream) -> (DVec3, Rgb) {
         match self {
-            Phases::Even(_) => (direction, 1.0),
+            Phases::Even(_) => (direction, Rgb::ONE),
             Phases::HenyeyGreenstein(asymmetry) => {
-                let g = asymmetry.at(p).g;
-                (g * direction, (1.0 - g) * (1.0 + g))
+                let (direction, factor) = scaled(direction, asymmetry.at(p).g);
+                (direction, Rgb::splat(factor))
             }
+            Phases::Mixed(parts) => parts.kept(p, direction, stream),
         }
     }
 
-    /// What [`Phases::kept`] multiplied the power of a photon by that is kept with this direction.
+    /// What [`Phases::kept`] multiplied the power of a photon by for its g that is kept with this direction.
     pub(crate) fn factor(&self, direction: DVec3) -> f64 {
         match self {
             Phases::Even(_) => 1.0,
-            Phases::HenyeyGreenstein(_) => 1.0 - direction.length_squared(),
+            Phases::HenyeyGreenstein(_) | Phases::Mixed(_) => 1.0 - direction.length_squared(),
         }
     }
 
-    pub(super) fn grid(&self) -> Option<&Grid> {
+    pub(super) fn grids(&self) -> Vec<&Grid> {
         match self {
-            Phases::Even(_) => None,
-            Phases::HenyeyGreenstein(asymmetry) => Some(&asymmetry.shifted),
+            Phases::Even(_) => Vec::new(),
+            Phases::HenyeyGreenstein(asymmetry) => vec![&asymmetry.shifted],
+            Phases::Mixed(parts) => parts.media().iter().flat_map(|medium| medium.phase.grids()).collect(),
         }
     }
 
@@ -257,8 +274,15 @@ impl Phases {
                 let shifted = asymmetry.shifted.moved(transform);
                 Phases::HenyeyGreenstein(Box::new(Asymmetry { shifted, ..**asymmetry }))
             }
+            Phases::Mixed(parts) => Phases::Mixed(Arc::new(parts.moved(transform))),
         }
     }
+}
+
+/// What is kept of a direction in place of its g, and the factor of the power: see [`Phases::kept`].
+pub(super) fn scaled(direction: DVec3, g: f64) -> (DVec3, f64) {
+    let g = g.clamp(-NARROWEST, NARROWEST);
+    (g * direction, (1.0 - g) * (1.0 + g))
 }
 
 impl From<Phase> for Phases {

@@ -3,11 +3,12 @@
 //! A medium's coefficients are given per unit of density and multiplied by the density ρ(x):
 //! σ_t,c(x) = σ_t,c ρ(x). So one number along a ray, the depth D = ∫ρ dt, gives the transmittance of every
 //! channel, T_c = e^{−σ_t,c D}. The albedo, the phase function and the glow are the same everywhere, or told by
-//! grids beside the density's.
+//! grids beside the density's, or by the media that fill the same space together.
 
 pub mod black_body;
 pub mod density;
 mod field;
+mod parts;
 pub mod phase;
 pub mod presets;
 
@@ -15,8 +16,10 @@ use std::sync::Arc;
 
 use crate::math::{DAffine3, DVec3, Rgb};
 use black_body::BlackBody;
-use density::{Coarse, Density, Grid};
+use density::{Density, Grid};
 pub use field::{Albedo, Asymmetry, Field, Phases, VaryingAlbedo};
+pub use parts::Parts;
+pub(crate) use parts::share;
 
 /// A participating medium.
 #[derive(Clone, Debug)]
@@ -55,6 +58,8 @@ pub enum Emission {
     },
     /// A radiance that voxels tell.
     Grid(Box<Field>),
+    /// That of several media, by how much each absorbs at a place.
+    Mixed(Arc<Parts>),
 }
 
 impl Medium {
@@ -64,8 +69,9 @@ impl Medium {
             Emission::None | Emission::Uniform(_) => Vec::new(),
             Emission::BlackBody { temperature, .. } => vec![&**temperature],
             Emission::Grid(field) => field.grids(),
+            Emission::Mixed(parts) => parts.media().iter().flat_map(Medium::grids).collect(),
         };
-        self.density.voxels().into_iter().chain(self.albedo.grids()).chain(self.phase.grid()).chain(glow)
+        self.density.grids().chain(self.albedo.grids()).chain(self.phase.grids()).chain(glow)
     }
 
     /// Whether it scatters at all.
@@ -79,12 +85,8 @@ impl Medium {
         match &self.albedo {
             Albedo::Even(albedo) => *albedo,
             Albedo::Varying(albedo) => albedo.at(p, || self.density.at(p)),
+            Albedo::Mixed(parts) => parts.albedo(p),
         }
-    }
-
-    /// Whether more than its density varies of what it does with light that it meets.
-    pub fn is_mixed(&self) -> bool {
-        self.albedo.even().is_none() || self.phase.even().is_none()
     }
 
     /// Carried along by a transform of the scene.
@@ -99,6 +101,7 @@ impl Medium {
                 table: table.clone(),
             },
             Emission::Grid(field) => Emission::Grid(Box::new(field.moved(transform))),
+            Emission::Mixed(parts) => Emission::Mixed(Arc::new(parts.moved(transform))),
         };
         Medium {
             name: self.name.clone(),
@@ -115,9 +118,9 @@ impl Medium {
         self.extinction.max_element() * self.density.max()
     }
 
-    /// About how dense it is, if it scatters and is made of voxels.
-    pub fn uneven(&self) -> Option<&Coarse> {
-        self.density.voxels().filter(|_| self.scatters()).and_then(Grid::coarse)
+    /// Its density, if it scatters and is made of voxels whose cells tell about how dense it is.
+    pub fn uneven(&self) -> Option<&Density> {
+        (self.scatters() && self.density.has_cells()).then_some(&self.density)
     }
 
     /// Whether it neither absorbs, scatters nor glows.
@@ -154,6 +157,10 @@ impl Medium {
                 absorption() * *scale * table.radiance(temperature.at(p) * kelvin_scale)
             }
             Emission::Grid(field) => absorption() * field.at(p),
+            Emission::Mixed(parts) => match self.density.at(p) {
+                density if density > 0.0 => parts.emitted(p) / density,
+                _ => Rgb::ZERO,
+            },
         }
     }
 }

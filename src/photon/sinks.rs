@@ -5,7 +5,7 @@ use super::importance::Importance;
 use super::{PackedNormal, Photon};
 use crate::math::{DVec3, Rgb, Stream, Vec3};
 use crate::medium::Medium;
-use crate::medium::density::Coarse;
+use crate::medium::density::Density;
 use crate::scene::Scene;
 use crate::scene::description::{Projection, SingleScattering};
 use crate::transport::{Collision, Segment};
@@ -32,8 +32,8 @@ pub(super) struct VolumeQuota<'s> {
     deep: Vec<Option<f64>>,
     /// Whether eye rays may begin in a deep medium, and not at its surface.
     looks_from_within: bool,
-    /// By medium, about how dense it is where photons lie along flights, not at collisions.
-    uneven: Vec<Option<&'s Coarse>>,
+    /// By medium, its density where photons lie along flights, not at collisions.
+    uneven: Vec<Option<&'s Density>>,
     /// The share of photons that are kept.
     pub keep: f64,
     /// How many lie along flights for each collision.
@@ -179,7 +179,7 @@ impl VolumeSink {
             keep *= importance.keep(at.point.as_vec3());
         }
         if wanted && (keep >= 1.0 || stream.uniform() < keep) {
-            let (direction, factor) = at.medium.phase.kept(at.point, at.direction);
+            let (direction, factor) = at.medium.phase.kept(at.point, at.direction, stream);
             self.store(quota, &Place { direction, ..place }, power / keep * factor);
         }
     }
@@ -229,7 +229,7 @@ impl VolumeSink {
     /// Power Φ that passes over a length adds as much to the fluence there, whether it collides or not: points at a rate λ per
     /// length, with Φ/λ each, add up to the fluence in a volume (a track-length estimate; Spanier 1966). They are stored with
     /// σ_s Φ/λ, where σ_s is that of density 1, and count ρ times on rays that pass where the density is ρ. So fluence is what
-    /// they blur, and light is scattered only where there is matter. The rate is the extinction of the [`Coarse`] density: about
+    /// they blur, and light is scattered only where there is matter. The rate is the extinction of the [coarse](Density::coarse) density: about
     /// as many as collide, and none by its density counts far more than others; of a flight through one cell, [`MOST_IN_A_PIECE`] at most.
     pub fn deposit_along(
         &mut self,
@@ -239,12 +239,12 @@ impl VolumeSink {
         power: impl Fn(f64) -> Rgb,
         stream: &mut Stream,
     ) {
-        let Some(coarse) = quota.uneven[flight.medium as usize].filter(|_| quota.wants(history)) else { return };
+        let Some(density) = quota.uneven[flight.medium as usize].filter(|_| quota.wants(history)) else { return };
         let medium = &quota.scene.media[flight.medium as usize];
         let region = quota.scene.region(flight.inside);
         let most = quota.rate * quota.keep * medium.extinction.max_element();
         let mut next = stream.exponential();
-        coarse.pieces(flight.ray, (flight.a, end), |from, to, density| {
+        density.coarse(flight.ray, (flight.a, end), |from, to, density| {
             let rate = (most * density).min(MOST_IN_A_PIECE / (to - from));
             let mut t = from;
             while t + next / rate < to {
@@ -260,7 +260,7 @@ impl VolumeSink {
                     }
                     rate *= share;
                 }
-                let (direction, factor) = medium.phase.kept(point, flight.ray.direction);
+                let (direction, factor) = medium.phase.kept(point, flight.ray.direction, stream);
                 let photon = Photon {
                     position,
                     direction: direction.as_vec3(),

@@ -178,8 +178,7 @@ fn photon_bytes(scene: &Scene, volume: &Volume) -> u64 {
     let beams = volume.estimate == Estimate::Beam;
     let radius = if beams && volume.kernel == Kernel::Variable { RADIUS_BYTES } else { 0 };
     let walls = if beams && !scene.surfaces.is_empty() { WALL_BYTES } else { 0 };
-    let uneven =
-        |medium: Option<u32>| medium.is_some_and(|index| scene.media[index as usize].density.voxels().is_some());
+    let uneven = |medium: Option<u32>| medium.is_some_and(|index| scene.media[index as usize].density.has_voxels());
     let follows = beams && scene.solids.iter().any(|solid| uneven(solid.medium));
     PHOTON_BYTES + radius + walls + if follows { DENSITY_BYTES } else { 0 }
 }

@@ -296,12 +296,12 @@ fn beam_maps(
     VolumeMaps::new(maps, &scene.media, &plan.peaks, confines)
 }
 
-/// The density of a region that is filled with one medium, if it is voxels.
+/// The density of a region that is filled with one medium, if it is made of voxels.
 fn uneven_density(scene: &Scene, region: u32) -> Option<&Density> {
     let mut media = scene.solids.iter().filter(|solid| solid.region == region).map(|solid| solid.medium);
     let first = media.next().filter(|_| region != scene.world_region)??;
     let density = &scene.media[first as usize].density;
-    (density.voxels().is_some() && media.all(|medium| medium == Some(first))).then_some(density)
+    (density.has_voxels() && media.all(|medium| medium == Some(first))).then_some(density)
 }
 
 /// Whether photons of a region tell the fluence, and not where they collide.

@@ -46,7 +46,7 @@ impl Glow {
         if bounds.is_empty() || !bounds.size().is_finite() {
             return None;
         }
-        let cells = if medium.density.voxels().is_some() { CELLS_OF_VOXELS } else { CELLS };
+        let cells = if medium.density.has_voxels() { CELLS_OF_VOXELS } else { CELLS };
         let (sent, leaving) = Default::default();
         let mut glow = Glow { medium: index, bounds, cells, sent, leaving, power: 0.0 };
         // What each cell sends out, and what of it leaves the box in a direction drawn at random.

@@ -8,7 +8,7 @@ use crate::geometry::{Cluster, Distances, Geometry};
 use crate::light::{Emitter, Emitters, Light, Receiver, Surroundings};
 use crate::math::{Bounds, DVec3, Ray, Rgb, Stream, error_bound};
 use crate::medium::Medium;
-use crate::medium::density::Coarse;
+use crate::medium::density::Density;
 use crate::surface::{Material, Paint};
 
 /// What is there: who looks, shapes, media and lights. How a picture of it is computed, [`Settings`](super::Settings) say.
@@ -219,9 +219,9 @@ impl Scene {
         }
     }
 
-    /// About how dense a medium is, if its photons tell its fluence: where it scatters, is made of voxels, and fills no solid that
+    /// The density of a medium, if its photons tell its fluence: where it scatters, is made of voxels, and fills no solid that
     /// refracts. Under refracting surfaces discs lean, and are wide against mean free paths and veins: there, collisions do better.
-    pub fn uneven(&self, medium: u32) -> Option<&Coarse> {
+    pub fn uneven(&self, medium: u32) -> Option<&Density> {
         let refracts = |solid: &Solid| solid.medium == Some(medium) && solid.index.is_some();
         self.media[medium as usize].uneven().filter(|_| !self.solids.iter().any(refracts))
     }

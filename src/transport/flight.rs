@@ -4,8 +4,9 @@ use std::ops::ControlFlow;
 
 use crate::math::random::Dimension;
 use crate::math::{Ray, Rgb, Stream, choose, shares};
-use crate::medium::Medium;
-use crate::medium::density::Grid;
+use crate::medium::{Medium, transmittance};
+use crate::medium::density::{self, Density, Grid};
+use smallvec::SmallVec;
 
 /// How far light flies in an even medium, drawn before surfaces are looked for: through dense media flights end long before the far
 /// side of a solid.
@@ -110,7 +111,7 @@ pub fn end(medium: &Medium, ray: &Ray, (a, b): (f64, f64), target: f64, weight: 
 /// for a collision by σ_t,c e^{−τ_c} over its mean, for passing through by e^{−τ_c} over its mean, both over the
 /// channels by their present shares. The weight's sum stays the same.
 ///
-/// In voxels `tentative` is called at each place where it may collide: with the parameter, the weight it has come there with, and
+/// In voxels and sums `tentative` is called at each place where it may collide: with the parameter, the weight it has come there with, and
 /// a length. That times the weight is what the radiance emitted per length counts, in expectation over the whole flight.
 #[inline]
 pub fn fly(
@@ -122,9 +123,10 @@ pub fn fly(
     tally: &mut Tally,
     tentative: impl FnMut(f64, Rgb, f64),
 ) -> Option<f64> {
-    match medium.density.voxels() {
-        Some(grid) => track(medium, grid, ray, range, weight, stream, tally, tentative),
-        None => {
+    match &medium.density {
+        Density::Grid(grid) => track(medium.extinction, grid, ray, range, weight, stream, tally, tentative),
+        Density::Sum(sum) => superpose(medium.extinction, sum, ray, range, weight, stream, tally, tentative),
+        Density::Uniform | Density::Exponential(_) => {
             let target = draw(medium, *weight, stream);
             end(medium, ray, range, target, weight)
         }
@@ -135,7 +137,7 @@ pub fn fly(
 /// Where they promise long work, the density itself is the majorant: its depth is known cell by cell.
 #[allow(clippy::too_many_arguments, reason = "those of `fly`")]
 fn track(
-    medium: &Medium,
+    sigma: Rgb,
     grid: &Grid,
     ray: &Ray,
     (a, b): (f64, f64),
@@ -144,7 +146,6 @@ fn track(
     tally: &mut Tally,
     mut tentative: impl FnMut(f64, Rgb, f64),
 ) -> Option<f64> {
-    let sigma = medium.extinction;
     // Channels that carry nothing any more must not be waited for: one of them may be a billion times denser than the others.
     let strongest = |weight: Rgb| Rgb::select(weight.cmpgt(Rgb::ZERO), sigma, Rgb::ZERO).max_element();
     let mut largest = strongest(*weight);
@@ -212,6 +213,63 @@ fn track(
     collision
 }
 
+/// A flight through several densities at once. In the densest channel that carries something each part is flown through on its own, as if it were alone,
+/// and the nearest collision counts: independent Poisson processes add up. Other channels are thinner everywhere by the same factor, so for them that collision
+/// is a tentative one; if it is none, that channel carries nothing any more, and the flight goes on by the next.
+#[allow(clippy::too_many_arguments, reason = "those of `fly`")]
+#[inline(never)]
+fn superpose(
+    sigma: Rgb,
+    sum: &density::Sum,
+    ray: &Ray,
+    (mut a, b): (f64, f64),
+    weight: &mut Rgb,
+    stream: &mut Stream,
+    tally: &mut Tally,
+    mut tentative: impl FnMut(f64, Rgb, f64),
+) -> Option<f64> {
+    loop {
+        let largest = Rgb::select(weight.cmpgt(Rgb::ZERO), sigma, Rgb::ZERO).max_element();
+        if largest <= 0.0 {
+            return None;
+        }
+        let mut nearest: Option<f64> = None;
+        let mut met: SmallVec<[(f64, f64); 16]> = SmallVec::new();
+        // Closed forms first: voxels beyond where those collide need not be looked at.
+        let (voxels, closed): (SmallVec<[_; 4]>, SmallVec<[_; 4]>) =
+            sum.parts().iter().partition(|part| part.density.has_voxels());
+        for density::Part { weight: factor, density } in closed.into_iter().chain(voxels) {
+            let (own, range) = (factor * largest, (a, nearest.unwrap_or(b)));
+            let found = match density {
+                Density::Grid(grid) => {
+                    let meet = |t: f64, _: Rgb, length: f64| met.push((t, factor * length));
+                    track(Rgb::splat(own), grid, ray, range, &mut Rgb::splat(1.0), stream, tally, meet)
+                }
+                density => {
+                    let found = density.advance(ray, range.0, range.1, stream.exponential() / own);
+                    met.extend(found.map(|t| (t, 1.0 / largest)));
+                    found
+                }
+            };
+            nearest = found.or(nearest);
+        }
+        let end = nearest.unwrap_or(b);
+        met.retain(|(t, _)| *t <= end);
+        met.sort_unstable_by(|one, other| one.0.total_cmp(&other.0));
+        for (t, length) in met {
+            tentative(t, *weight, length);
+        }
+        let t = nearest?;
+        let real = ((shares(*weight) * sigma).element_sum() / largest).min(1.0);
+        if stream.uniform() < real {
+            *weight *= sigma / (largest * real);
+            return Some(t);
+        }
+        *weight *= ((Rgb::ONE - sigma / largest) / (1.0 - real)).max(Rgb::ZERO);
+        a = t;
+    }
+}
+
 /// Delta tracking that has to expect more tentative collisions than this on one piece of a ray gives way to
 /// exact depths.
 const LABORIOUS: f64 = 32.0;
@@ -221,7 +279,7 @@ const LABORIOUS: f64 = 32.0;
 pub fn flight_density(medium: &Medium, ray: &Ray, a: f64, t: f64, weight: Rgb) -> f64 {
     let sigma = medium.extinction;
     let density = medium.density.at(ray.at(t));
-    if medium.density.voxels().is_some() {
+    if medium.density.has_voxels() {
         return (shares(weight) * sigma).element_sum() * density;
     }
     let depth = medium.density.depth(ray, a, t);
@@ -231,12 +289,35 @@ pub fn flight_density(medium: &Medium, ray: &Ray, a: f64, t: f64, weight: Rgb) -
 /// Multiplies `weight` by an unbiased estimate of the transmittance from `a` to `b`: exact where the
 /// depth has a closed form, by ratio tracking (Novák et al. 2014) in voxels, ended by roulette once
 /// little is left; exact again where that would take long.
-pub fn pass(medium: &Medium, ray: &Ray, (a, b): (f64, f64), weight: &mut Rgb, stream: &mut Stream) {
-    let Some(grid) = medium.density.voxels() else {
-        *weight *= medium.transmittance(medium.density.depth(ray, a, b));
-        return;
-    };
-    let sigma = medium.extinction;
+pub fn pass(medium: &Medium, ray: &Ray, range: (f64, f64), weight: &mut Rgb, stream: &mut Stream) {
+    match &medium.density {
+        Density::Uniform | Density::Exponential(_) => {
+            *weight *= medium.transmittance(medium.density.depth(ray, range.0, range.1));
+        }
+        Density::Grid(grid) => pass_voxels(medium.extinction, grid, ray, range, weight, stream),
+        // The product of independent estimates.
+        Density::Sum(sum) => {
+            for part in sum.parts() {
+                let sigma = part.weight * medium.extinction;
+                match &part.density {
+                    _ if weight.max_element() <= 0.0 => return,
+                    Density::Grid(grid) => pass_voxels(sigma, grid, ray, range, weight, stream),
+                    density => *weight *= transmittance(sigma, density.depth(ray, range.0, range.1)),
+                }
+            }
+        }
+    }
+}
+
+/// [`pass`] for voxels.
+fn pass_voxels(
+    sigma: Rgb,
+    grid: &Grid,
+    ray: &Ray,
+    (a, b): (f64, f64),
+    weight: &mut Rgb,
+    stream: &mut Stream,
+) {
     let largest = sigma.max_element();
     let start = weight.max_element();
     let mut target = stream.exponential();
@@ -246,7 +327,7 @@ pub fn pass(medium: &Medium, ray: &Ray, (a, b): (f64, f64), weight: &mut Rgb, st
             return ControlFlow::Continue(());
         }
         if (to - from) * mu > LABORIOUS {
-            *weight *= medium.transmittance(medium.density.depth(ray, from, to));
+            *weight *= transmittance(sigma, grid.depth(ray, from, to));
             return if weight.max_element() > 0.0 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) };
         }
         let mut t = from;
@@ -343,7 +424,11 @@ mod tests {
 
     fn densities() -> Vec<(&'static str, Density)> {
         let air = Exponential { origin: DVec3::ZERO, up: DVec3::new(1.0, 0.5, 0.0), scale_height: 1.1, value: 0.9 };
-        vec![("uniform", Density::Uniform), ("exponential", Density::Exponential(air)), ("voxels", voxels())]
+        let air = Density::Exponential(air);
+        let parts = [(0.3, Density::Uniform), (0.6, voxels()), (0.8, air.clone()), (0.2, voxels())];
+        let parts = parts.into_iter().map(|(weight, density)| density::Part { weight, density });
+        let sum = Density::Sum(density::Sum::new(parts.collect()));
+        vec![("uniform", Density::Uniform), ("exponential", air), ("voxels", voxels()), ("sum", sum)]
     }
 
     fn ray() -> Ray {
@@ -420,6 +505,45 @@ mod tests {
                 });
                 histogram.assert_extinction(&format!("{name}, {extinction}"), &medium);
                 assert_eq!(tally.violations, 0);
+            }
+        }
+    }
+
+    /// Where light may collide in voxels and sums, lengths add up to the integral of the density, faded: ∫ρ T dt.
+    #[test]
+    fn tentative_collisions_see_the_whole_density() {
+        for (name, density) in densities().into_iter().skip(2) {
+            for extinction in COLOURS {
+                let medium = medium(extinction, density.clone());
+                // What is beyond one place, and what is before.
+                let slots = 12.0;
+                let (mut sums, draws) = ([[Rgb::ZERO; 2]; 2], 60_000);
+                for i in 0..draws {
+                    let mut stream = Stream::new(12, Purpose::Test, i, 0);
+                    let (mut found, mut weight, mut last) = ([Rgb::ZERO; 2], Rgb::ONE, 0.0);
+                    fly(&medium, &ray(), (0.0, FAR), &mut weight, &mut stream, &mut Tally::default(), |t, weight, length| {
+                        assert!(t >= last, "{name}: {t} after {last}");
+                        last = t;
+                        found[usize::from(t > 2.0)] += weight * length;
+                    });
+                    for (sums, found) in sums.iter_mut().zip(found) {
+                        sums[0] += found;
+                        sums[1] += found * found;
+                    }
+                }
+                let mut expected = [Rgb::ZERO; 2];
+                let step = 1e-3 * FAR / slots;
+                for i in 0..12_000 {
+                    let t = (f64::from(i) + 0.5) * step;
+                    let passed = medium.transmittance(medium.density.depth(&ray(), 0.0, t));
+                    expected[usize::from(t > 2.0)] += passed * (medium.density.at(ray().at(t)) * step);
+                }
+                for ([sum, squares], expected) in sums.into_iter().zip(expected) {
+                    let n = draws as f64;
+                    let mean = sum / n;
+                    let bound = 4.5 * ((squares / n - mean * mean).max(Rgb::ZERO) / n).map(f64::sqrt) + 1e-3 * expected + 1e-9;
+                    assert!((mean - expected).abs().cmple(bound).all(), "{name}, {extinction}: {mean}, not {expected}");
+                }
             }
         }
     }

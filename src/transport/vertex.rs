@@ -38,24 +38,21 @@ impl Collision<'_> {
         self.peak.map_or(albedo, |peak| albedo * peak.share())
     }
 
-    /// The phase function for light that goes on along `o`, and the density per steradian with which [`Collision::sample`] draws that.
-    pub fn phase(&self, o: DVec3) -> (f64, f64) {
+    /// The phase function by channel for light that goes on along `o`, and the density per steradian with which [`Collision::sample`] draws that.
+    pub fn phase(&self, o: DVec3) -> (Rgb, f64) {
         match self.peak {
-            None => {
-                let value = self.medium.phase.value(self.point, self.direction, o);
-                (value, value)
-            }
+            None => self.medium.phase.value(self.point, self.direction, o),
             Some(peak) => {
                 let value = peak.value(self.direction, o);
-                (value, value / peak.share())
+                (Rgb::splat(value), value / peak.share())
             }
         }
     }
 
-    /// A direction in which light goes on, with its density per steradian.
-    pub fn sample(&self, stream: &mut Stream) -> (DVec3, f64) {
+    /// A direction in which light goes on, with its density per steradian; weights `weight` for channels that are turned otherwise.
+    pub fn sample(&self, weight: &mut Rgb, stream: &mut Stream) -> (DVec3, f64) {
         match self.peak {
-            None => self.medium.phase.sample(self.point, self.direction, stream),
+            None => self.medium.phase.sample(self.point, self.direction, weight, stream),
             Some(peak) => peak.sample(self.direction, stream),
         }
     }
@@ -191,7 +188,7 @@ impl Vertex<'_> {
                 if !survives(weight, at.albedo(), stream) {
                     return None;
                 }
-                let (direction, density) = stream.draw(Dimension::Direction, |stream| at.sample(stream));
+                let (direction, density) = stream.draw(Dimension::Direction, |stream| at.sample(weight, stream));
                 Some(Onward { direction, density })
             }
         }

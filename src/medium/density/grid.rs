@@ -122,7 +122,7 @@ impl Grid {
     }
 
     /// ∫ρ dt between two parameters of the ray, cell by cell: exact up to rounding.
-    pub(super) fn depth(&self, ray: &Ray, t0: f64, t1: f64) -> f64 {
+    pub fn depth(&self, ray: &Ray, t0: f64, t1: f64) -> f64 {
         let mut depth = 0.0;
         self.cells(ray, t0, t1, |cell| {
             depth += cell.integral();

@@ -3,7 +3,7 @@
 //! A kind of density is one file and is listed in [`Density`], in the scene's description, and where scene files are
 //! read and built. Everybody else asks: whether it is even or endless, its greatest value, its depth along a ray and
 //! where that is reached, the knots to interpolate it by, the length of its features, and for the voxels it may be
-//! made of, which give local majorants and cells.
+//! made of, which give local majorants and cells. A sum of densities, where media add up, is one, too.
 
 pub mod bricks;
 mod coarse;
@@ -11,16 +11,18 @@ mod exponential;
 mod grid;
 mod noise;
 pub mod npy;
+mod sum;
 pub mod vdb;
 
 pub use coarse::Coarse;
 pub use exponential::Exponential;
 pub use grid::Grid;
 pub use noise::Noise;
+pub use sum::{Part, Sum};
 
 use crate::math::{Bounds, DAffine3, DVec3, Ray};
 
-/// A density, one of the kinds a scene file can name. A constant value is folded into the medium's
+/// A density, one of the kinds a scene file can name, or a sum of them. A constant value is folded into the medium's
 /// coefficients; arrays and noise are voxels too.
 #[derive(Clone, Debug)]
 pub enum Density {
@@ -30,6 +32,8 @@ pub enum Density {
     Exponential(Exponential),
     /// Voxels: of a file, an array or noise.
     Grid(Grid),
+    /// Those of several media that fill the same space.
+    Sum(Sum),
 }
 
 /// Knots of a table of depths on a ray through a density without voxels.
@@ -47,6 +51,7 @@ impl Density {
             (Density::Uniform, Density::Uniform) => true,
             (Density::Exponential(one), Density::Exponential(other)) => one == other,
             (Density::Grid(one), Density::Grid(other)) => one.is_that(other),
+            (Density::Sum(one), Density::Sum(other)) => one.is_that(other),
             _ => false,
         }
     }
@@ -57,6 +62,7 @@ impl Density {
             Density::Uniform => true,
             Density::Exponential(_) => false,
             Density::Grid(density) => density.voxels().background() > 0.0 && !density.support().size().is_finite(),
+            Density::Sum(density) => density.parts().iter().any(|part| part.density.is_endless()),
         }
     }
 
@@ -66,24 +72,60 @@ impl Density {
             Density::Uniform => Density::Uniform,
             Density::Exponential(density) => Density::Exponential(density.moved(transform)),
             Density::Grid(density) => Density::Grid(density.moved(transform)),
+            Density::Sum(density) => Density::Sum(density.moved(transform)),
         }
     }
 
-    /// The length over which it is nearly linear: a voxel's width, an eighth of a scale height; infinite where it is even.
+    /// The length over which it is nearly linear: a voxel's width, an eighth of a scale height; infinite where it is even, of a sum the
+    /// least.
     pub fn feature_length(&self) -> f64 {
         match self {
             Density::Uniform => f64::INFINITY,
             Density::Exponential(density) => density.feature_length(),
             Density::Grid(density) => density.voxel_size(),
+            Density::Sum(density) => density.feature_length(),
         }
     }
 
-    /// The voxels it is made of, through which rays are tracked by local majorants; `None` where the depth along a ray
-    /// has a closed form, which [`Density::advance`] inverts.
-    pub fn voxels(&self) -> Option<&Grid> {
+    /// The voxels that it is made of, or a part of it.
+    pub fn grids(&self) -> impl Iterator<Item = &Grid> {
+        let (alone, sum) = match self {
+            Density::Grid(grid) => (Some(grid), None),
+            Density::Sum(sum) => (None, Some(sum)),
+            Density::Uniform | Density::Exponential(_) => (None, None),
+        };
+        alone.into_iter().chain(sum.into_iter().flat_map(Sum::grids).map(|(_, grid)| grid))
+    }
+
+    /// Whether rays are tracked through voxels by local majorants; if not, depths have closed forms.
+    pub fn has_voxels(&self) -> bool {
         match self {
-            Density::Grid(grid) => Some(grid),
-            _ => None,
+            Density::Uniform | Density::Exponential(_) => false,
+            Density::Grid(_) => true,
+            Density::Sum(sum) => sum.grids().next().is_some(),
+        }
+    }
+
+    /// Whether [`Density::coarse`] tells about how dense it is: it has voxels, and an end or the same density beyond them.
+    pub fn has_cells(&self) -> bool {
+        match self {
+            Density::Uniform | Density::Exponential(_) => false,
+            Density::Grid(grid) => grid.coarse().is_some(),
+            Density::Sum(sum) => sum.has_cells(),
+        }
+    }
+
+    /// Calls `visit(from, to, density)` on consecutive pieces of the ray between `a` and `b`, with about how dense it is there, where that
+    /// is not 0: see [`Coarse`].
+    pub fn coarse(&self, ray: &Ray, range: (f64, f64), visit: impl FnMut(f64, f64, f64)) {
+        match self {
+            Density::Uniform | Density::Exponential(_) => {}
+            Density::Grid(grid) => {
+                if let Some(coarse) = grid.coarse() {
+                    coarse.pieces(ray, range, visit);
+                }
+            }
+            Density::Sum(sum) => sum.coarse(ray, range, visit),
         }
     }
 
@@ -93,15 +135,17 @@ impl Density {
             Density::Uniform => 1.0,
             Density::Exponential(density) => density.at(p),
             Density::Grid(density) => density.at(p),
+            Density::Sum(density) => density.at(p),
         }
     }
 
-    /// An upper bound of ρ that holds everywhere; voxels reach it.
+    /// An upper bound of ρ that holds everywhere; voxels alone reach it.
     pub fn max(&self) -> f64 {
         match self {
             Density::Uniform => 1.0,
             Density::Exponential(density) => density.value,
             Density::Grid(density) => density.max(),
+            Density::Sum(density) => density.max(),
         }
     }
 
@@ -110,6 +154,7 @@ impl Density {
         match self {
             Density::Uniform | Density::Exponential(_) => Bounds::ALL,
             Density::Grid(density) => density.support(),
+            Density::Sum(density) => density.support(),
         }
     }
 
@@ -119,6 +164,7 @@ impl Density {
             Density::Uniform => t1 - t0,
             Density::Exponential(density) => density.depth(ray, t0, t1),
             Density::Grid(density) => density.depth(ray, t0, t1),
+            Density::Sum(density) => density.depth(ray, t0, t1),
         }
     }
 
@@ -135,6 +181,7 @@ impl Density {
         match self {
             Density::Uniform => {}
             Density::Grid(grid) => grid.knots(ray, (t0, t1), is_long, knot),
+            Density::Sum(sum) => sum.knots(ray, (t0, t1), is_long, knot),
             Density::Exponential(air) => spaced((t0, t1), |t| (air.depth(ray, t0, t), air.at(ray.at(t))), knot),
         }
     }
@@ -145,6 +192,7 @@ impl Density {
             Density::Uniform => (target <= t1 - t0).then(|| (t0 + target).min(t1)),
             Density::Exponential(density) => density.advance(ray, t0, t1, target),
             Density::Grid(density) => density.advance(ray, t0, t1, target),
+            Density::Sum(density) => density.advance(ray, t0, t1, target),
         }
     }
 }

@@ -8,6 +8,7 @@ use super::rayleigh::{self, Rayleigh};
 use super::schlick::{self, Schlick};
 use super::term::{Form, Term};
 use crate::math::{DVec3, Frame, Stream};
+use smallvec::{SmallVec, smallvec};
 use std::f64::consts::TAU;
 
 /// One of the phase functions a scene file can name.
@@ -81,6 +82,20 @@ impl Phase {
         match self.only() {
             Phase::HenyeyGreenstein(p) => Some(p.g),
             _ => None,
+        }
+    }
+
+    /// The shares and mean cosines of the Henyey–Greenstein functions that it is a sum of, isotropic ones among them; `None` if it is
+    /// of others, too.
+    pub(crate) fn lobes(&self) -> Option<SmallVec<[(f64, f64); 2]>> {
+        match self {
+            Phase::Isotropic(_) => Some(smallvec![(1.0, 0.0)]),
+            Phase::HenyeyGreenstein(p) => Some(smallvec![(1.0, p.g)]),
+            Phase::Mixture(mixture) => {
+                let lobe = |(share, phase): &(f64, Phase)| Some((*share, phase.lobes()?.first()?.1));
+                mixture.lobes.iter().map(lobe).collect()
+            }
+            Phase::Schlick(_) | Phase::Rayleigh(_) | Phase::Draine(_) => None,
         }
     }
 

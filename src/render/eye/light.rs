@@ -142,7 +142,7 @@ impl Looking<'_, '_, '_> {
         if self.eye.straight_on() || !self.eye.lights_have_size {
             return;
         }
-        let (direction, density) = at.sample(self.context.stream);
+        let (direction, density) = at.sample(&mut luggage.weight, self.context.stream);
         luggage.weight *= at.albedo();
         luggage.own.turn = Turn::Medium { point: at.point, density, landing };
         self.meet_straight_on(Walk::new(scene, Ray::new(at.point, direction), at.inside.clone()), luggage);

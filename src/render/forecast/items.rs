@@ -287,7 +287,7 @@ fn rays(items: &mut Items, (scene, settings): (&Scene, &Settings), plan: &Plan, 
 
 fn of_scene(items: &mut Items, scene: &Scene, plan: &Plan) {
     let media = &scene.media;
-    let voxels = media.iter().filter(|medium| medium.density.voxels().is_some()).count();
+    let voxels = media.iter().filter(|medium| medium.density.has_voxels()).count();
     let no_media = media.is_empty().then_some("there is no medium");
     let closed = (voxels == 0).then_some("densities have closed forms");
     let item = items.add("voxels", unless(no_media.or(closed), "densities are kept in bricks"));

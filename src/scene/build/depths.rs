@@ -1,6 +1,7 @@
 //! Matter so dense, or so far away, that light in it does not get from one number to the next.
 
 use crate::medium::Medium;
+use crate::medium::density::Density;
 use crate::scene::Scene;
 use crate::scene::description as said;
 use crate::{Error, Result};
@@ -24,12 +25,10 @@ pub(super) fn refuse_endless(scene: &Scene, media: &[said::Medium]) -> Result<()
         let place = media.iter().find(|said| said.name == medium.name).map(|said| &said.place);
         let refused = |message: String| match place {
             Some(place) => Err(place.error(message)),
-            None => Err(Error::Scene(message)),
+            None => Err(Error::Scene(format!("media.{}: {message}", medium.name))),
         };
         let farthest = bounds.min.abs().max(bounds.max.abs()).max_element();
-        if let Some(grid) = medium.density.voxels()
-            && farthest > FARTHEST * grid.voxel_size()
-        {
+        if let Some(grid) = medium.density.grids().find(|grid| farthest > FARTHEST * grid.voxel_size()) {
             return refused(format!(
                 "its voxels are {:.1e} wide, and it is met up to {farthest:.1e} from the scene's middle, which leaves no digits for them: expected at most {FARTHEST:.0e} voxels",
                 grid.voxel_size()
@@ -40,7 +39,10 @@ pub(super) fn refuse_endless(scene: &Scene, media: &[said::Medium]) -> Result<()
         if depth <= DEEPEST {
             continue;
         }
-        let voxel = medium.density.voxels().and_then(|grid| grid.voxels().densest());
+        let voxel = match &medium.density {
+            Density::Grid(grid) => grid.voxels().densest(),
+            _ => None,
+        };
         let voxel = voxel.map_or(String::new(), |[i, j, k]| {
             format!(", by the {:.1e} of its voxel ({i}, {j}, {k})", medium.density.max())
         });

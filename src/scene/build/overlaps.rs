@@ -1,13 +1,16 @@
 //! Where media add up: each overlap of solids is filled with the sum, one medium, and stands as a solid of its own.
 
+use std::cell::OnceCell;
 use std::collections::HashMap;
+use std::sync::Arc;
 
 use smallvec::SmallVec;
 
 use crate::Result;
 use crate::math::{Bounds, DVec3, Rgb};
+use crate::medium::density::{self, Density};
 use crate::medium::phase::{Mixture, Phase};
-use crate::medium::{Emission, Medium};
+use crate::medium::{Albedo, Emission, Medium, Parts, Phases, share};
 use crate::scene::description as said;
 use crate::scene::{Overlap, Scene, Solid};
 
@@ -108,78 +111,135 @@ fn overlaps(scene: &Scene) -> Option<Vec<Solids>> {
 fn sum(parts: &[&Medium]) -> Result<Medium, String> {
     let names: Vec<&str> = parts.iter().map(|medium| medium.name.as_str()).collect();
     let name = names.join(" + ");
-    let density = &parts[0].density;
-    if !parts.iter().all(|medium| medium.density.is_that(density)) {
-        return Err(format!(
-            "media may add up here to {name}, and only those of one density can so far: constant ones, or the same in the same place"
-        ));
+    let whole: Rgb = parts.iter().map(|medium| medium.extinction).sum();
+    if parts.iter().all(|medium| std::ptr::eq(*medium, parts[0])) {
+        return Ok(Medium { name, extinction: whole, ..parts[0].clone() });
     }
-    let extinction: Rgb = parts.iter().map(|medium| medium.extinction).sum();
-    if parts.iter().any(|medium| medium.is_mixed()) {
-        if parts.iter().all(|medium| std::ptr::eq(*medium, parts[0])) {
-            return Ok(Medium { name, extinction, ..parts[0].clone() });
-        }
-        return Err(format!(
-            "media may add up here to {name}, and one whose coefficients or phase function are grids adds to nothing but itself so far"
-        ));
-    }
-    let scattering = parts.iter().map(|medium| scattering(medium)).sum();
-    let phase = mixed(parts, scattering).ok_or_else(|| {
+    let (extinction, density) = density(parts).ok_or_else(|| {
         format!(
-            "media may add up here to {name}, which scatter by other phase functions and in other colours: light of one channel would be turned otherwise than that of another, which cannot be so far"
+            "media may add up here to {name}, whose densities differ and whose sigma_t have different colours: one depth along a ray cannot tell then what passes of each channel; expected sigma_t in the same proportions, or the same density in the same place"
         )
     })?;
-    let emission = glow(parts, extinction - scattering).ok_or_else(|| {
-        format!("media may add up here to {name}, and a glow that varies adds to nothing but itself so far")
+    // Of one density, nothing varies that is the same everywhere in each.
+    let mixed = Mixed { parts, whole, apart: matches!(density, Density::Sum(_)), together: OnceCell::new() };
+    let phase = mixed.phase().ok_or_else(|| {
+        format!(
+            "media may add up here to {name}, whose phase functions differ, and whose shares of the scattering differ by place or by channel: then phase functions can be \"isotropic\", \"hg\" and mixtures of these so far, or all the same"
+        )
     })?;
-    let albedo = share(scattering, extinction).into();
-    Ok(Medium { name, extinction, albedo, phase: phase.into(), density: density.clone(), emission })
+    let (albedo, emission) = (mixed.albedo(), mixed.emission());
+    Ok(Medium { name, extinction, albedo, phase, density, emission })
 }
 
-/// By channel; 0 of nothing.
-fn share(part: Rgb, whole: Rgb) -> Rgb {
-    Rgb::select(whole.cmpgt(Rgb::ZERO), part / whole, Rgb::ZERO)
+/// The density of media together, and their extinction where it is 1; `None` where densities differ and channels fade otherwise in one than in another.
+fn density(parts: &[&Medium]) -> Option<(Rgb, Density)> {
+    let mut different: Vec<(Rgb, &Density)> = Vec::new();
+    for medium in parts {
+        match different.iter_mut().find(|(_, density)| density.is_that(&medium.density)) {
+            Some((extinction, _)) => *extinction += medium.extinction,
+            None => different.push((medium.extinction, &medium.density)),
+        }
+    }
+    let (extinction, first) = different[0];
+    if different.len() == 1 {
+        return Some((extinction, first.clone()));
+    }
+    let part = |&(own, density): &(Rgb, &Density)| {
+        let weight = own.max_element() / extinction.max_element();
+        let is_alike = (own - weight * extinction).abs().max_element() <= ALIKE * own.max_element();
+        is_alike.then(|| density::Part { weight, density: density.clone() })
+    };
+    let sum = different.iter().map(part).collect::<Option<_>>()?;
+    Some((extinction, Density::Sum(density::Sum::new(sum))))
 }
 
-/// What all send out, for as much as they absorb together; `None` if it varies over space and is not that of each.
-fn glow(parts: &[&Medium], absorption: Rgb) -> Option<Emission> {
-    if parts.iter().all(|medium| std::ptr::eq(*medium, parts[0])) {
-        return Some(parts[0].emission.clone());
-    }
-    let mut glowing = parts.iter().filter(|medium| medium.glows()).peekable();
-    if glowing.peek().is_none() {
-        return Some(Emission::None);
-    }
-    let emitted = |medium: &&Medium| medium.even_glow().map(|_| medium.emitted(DVec3::ZERO));
-    let emitted = glowing.map(emitted).sum::<Option<Rgb>>()?;
-    Some(Emission::Uniform(share(emitted, absorption)))
-}
+/// Numbers that differ by no more than this share are meant to be the same.
+const ALIKE: f64 = 1e-9;
 
 /// Of a medium whose albedo is the same everywhere.
-fn scattering(medium: &Medium) -> Rgb {
-    medium.extinction * medium.albedo_at(DVec3::ZERO)
+fn scattering(medium: &Medium) -> Option<Rgb> {
+    Some(medium.extinction * medium.albedo.even()?)
 }
 
-/// The phase function of all scattering, `whole`, together; `None` if it differs by channel.
-fn mixed(parts: &[&Medium], whole: Rgb) -> Option<Phase> {
-    let scattering_parts = || parts.iter().filter(|medium| scattering(medium) != Rgb::ZERO);
-    let first = scattering_parts().next().or(parts.first())?;
-    let phase = first.phase.even()?;
-    if scattering_parts().all(|medium| medium.phase.even() == Some(phase)) {
-        return Some(phase.clone());
+/// What media do together with light that they meet.
+struct Mixed<'a> {
+    parts: &'a [&'a Medium],
+    /// The extinction of all where all densities are 1.
+    whole: Rgb,
+    /// Whether their densities differ.
+    apart: bool,
+    together: OnceCell<Arc<Parts>>,
+}
+
+impl Mixed<'_> {
+    /// For what varies.
+    fn together(&self) -> Arc<Parts> {
+        self.together.get_or_init(|| Arc::new(Parts::new(self.parts.iter().map(|&part| part.clone()).collect()))).clone()
     }
-    let lobes = scattering_parts().map(|medium| {
-        let shares = scattering(medium) / whole;
+
+    /// What all scatter, if their shares of that are the same everywhere.
+    fn scattering(&self) -> Option<Rgb> {
+        self.parts.iter().map(|medium| scattering(medium)).sum::<Option<Rgb>>().filter(|_| !self.apart)
+    }
+
+    fn albedo(&self) -> Albedo {
+        let first = self.parts[0].albedo.even();
+        match self.scattering() {
+            Some(scattering) => share(scattering, self.whole).into(),
+            None => match first {
+                Some(albedo) if self.parts.iter().all(|medium| medium.albedo.even() == first) => albedo.into(),
+                _ => Albedo::Mixed(self.together()),
+            },
+        }
+    }
+
+    /// The phase function of all scattering together; `None` if it is one that photons cannot tell.
+    fn phase(&self) -> Option<Phases> {
+        let scattering_parts = || self.parts.iter().filter(|medium| medium.scatters());
+        let Some(first) = scattering_parts().next() else { return Some(self.parts[0].phase.clone()) };
+        if let Some(phase) = first.phase.even()
+            && scattering_parts().all(|medium| medium.phase.even() == Some(phase))
+        {
+            return Some(phase.clone().into());
+        }
+        if let Some(mixture) = self.scattering().and_then(|whole| mixture(scattering_parts().copied(), whole)) {
+            return Some(mixture.into());
+        }
+        let is_kept = |medium: &&Medium| medium.phase.even().is_none_or(|phase| phase.lobes().is_some());
+        scattering_parts().copied().all(|medium| is_kept(&medium)).then(|| Phases::Mixed(self.together()))
+    }
+
+    /// What all send out, for as much as they absorb together.
+    fn emission(&self) -> Emission {
+        let mut glowing = self.parts.iter().filter(|medium| medium.glows()).peekable();
+        if glowing.peek().is_none() {
+            return Emission::None;
+        }
+        let emitted = |medium: &&Medium| medium.even_glow().map(|_| medium.emitted(DVec3::ZERO));
+        match (self.scattering(), glowing.map(emitted).sum::<Option<Rgb>>()) {
+            (Some(scattering), Some(emitted)) => Emission::Uniform(share(emitted, self.whole - scattering)),
+            _ => Emission::Mixed(self.together()),
+        }
+    }
+}
+
+/// The phase function of scattering that is the same everywhere, `whole`; `None` if it differs by channel or by place.
+fn mixture<'a>(parts: impl Iterator<Item = &'a Medium>, whole: Rgb) -> Option<Phase> {
+    let lobes = parts.map(|medium| {
+        let shares = scattering(medium)? / whole;
         let shares = shares.to_array().into_iter().filter(|share| share.is_finite());
         let [least, most] = shares.fold([f64::INFINITY, 0.0], |[least, most], x| [x.min(least), x.max(most)]);
-        (most - least <= 1e-9).then(|| Some((most, medium.phase.even()?.clone()))).flatten()
+        (most - least <= ALIKE).then(|| Some((most, medium.phase.even()?.clone()))).flatten()
     });
     Some(Mixture::new(lobes.collect::<Option<_>>()?).into())
 }
 
 #[cfg(test)]
 mod tests {
-    use crate::math::{DVec3, Rgb};
+    use std::f64::consts::PI;
+
+    use crate::math::random::Purpose;
+    use crate::math::{DVec3, Ray, Rgb, Stream, sampling};
     use crate::medium::Medium;
     use crate::medium::phase::{HenyeyGreenstein, Isotropic, Mixture, Phase};
     use crate::scene::{self, Scene};
@@ -309,21 +369,88 @@ type = "dielectric"
         assert_eq!(found, [(2.0, 0.2), (4.0, 0.2), (2.0, 0.2), (1.0, 0.5), (4.0, 3.5 / 4.0), (3.0, 1.0)]);
     }
 
+    /// Of media whose densities, albedos, phase functions and glows all differ, each place has what they have there, in parts.
+    #[test]
+    fn what_differs_by_place_is_mixed() {
+        let other = r#"
+[media.cloud]
+sigma_t = 4
+albedo = [0.9, 0.6, 0.3]
+phase = { type = "mixture", lobes = [{ type = "hg", g = 0.8, weight = 0.4 }, { type = "hg", g = -0.2, weight = 0.6 }] }
+density = { type = "noise", threshold = 0.2, seed = 3 }
+emission = { radiance = [3, 2, 1] }
+add = true
+"#;
+        let slabs = ["smoke", "noise", "dust", "cloud"].map(|medium| slab(0.0, 2.0, &format!("interior = '{medium}'")));
+        let (scene, _) = scene::from_text(&format!("{MEDIA}{other}{}", slabs.concat()));
+        let together = at(&scene, 1.0).expect("a medium");
+        let parts = ["smoke", "noise", "dust", "cloud"].map(|name| {
+            let index = scene.solids.iter().filter_map(|solid| solid.medium);
+            let mut media = index.map(|medium| &scene.media[medium as usize]);
+            media.find(|medium| medium.name == name).expect("it is there")
+        });
+        let (before, after) = (DVec3::Z, DVec3::new(0.6, 0.0, 0.8));
+        let mut stream = Stream::new(3, Purpose::Test, 0, 0);
+        for i in 0..50 {
+            let p = DVec3::new(0.013 * f64::from(i), 0.3, 0.02 * f64::from(i) + 0.1) - scene.center;
+            let all = |of: &dyn Fn(&Medium) -> Rgb| parts.iter().map(|part| of(part) * part.density.at(p)).sum::<Rgb>();
+            let extinction = all(&|part| part.extinction);
+            let scattering = all(&|part| part.extinction * part.albedo_at(p));
+            let turned = all(&|part| part.extinction * part.albedo_at(p) * part.phase.value(p, before, after).0);
+            let emitted = all(&|part| part.emitted(p));
+            let density = together.density.at(p);
+            let close = |found: Rgb, expected: Rgb| assert!(found.abs_diff_eq(expected, 1e-9), "{found}, not {expected}");
+            close(together.extinction * density, extinction);
+            close(together.albedo_at(p), scattering / extinction);
+            close(together.phase.value(p, before, after).0, turned / scattering);
+            close(together.emitted(p) * density, emitted);
+
+            // What is drawn, and what photons keep, is that on average: of the share that goes on into a half-space.
+            let (mut drawn, mut kept, draws) = (Rgb::ZERO, Rgb::ZERO, 2000);
+            for _ in 0..draws {
+                let mut weight = Rgb::ONE;
+                let (direction, density) = together.phase.sample(p, before, &mut weight, &mut stream);
+                let (value, chance) = together.phase.value(p, before, direction);
+                assert!((density / chance - 1.0).abs() < 1e-9);
+                close(weight, value / density);
+                drawn += if direction.dot(after) > 0.0 { weight } else { Rgb::ZERO };
+                let (v, factor) = together.phase.kept(p, before, &mut stream);
+                kept += factor * (0.25 / PI * (v - after).length().powi(-3));
+            }
+            let expected = turned / scattering;
+            let [drawn, kept] = [drawn, kept].map(|sum| sum / f64::from(draws));
+            assert!((kept / expected - 1.0).abs().max_element() < 0.15, "{kept}, not {expected}");
+            let half = all(&|part| {
+                let phase = part.phase.even().expect("one");
+                let mut ahead = 0.0;
+                for j in 0..400 {
+                    let (u, v) = ((f64::from(j % 20) + 0.5) / 20.0, (f64::from(j / 20) + 0.5) / 20.0);
+                    let direction = sampling::sphere([u, v].into());
+                    ahead += if direction.dot(after) > 0.0 { phase.value(before, direction) } else { 0.0 };
+                }
+                part.extinction * part.albedo_at(p) * (ahead * 4.0 * PI / 400.0)
+            });
+            assert!((drawn - half / scattering).abs().max_element() < 0.06, "{drawn}, not {}", half / scattering);
+        }
+        // Transmittance is the product.
+        let ray = Ray::new(DVec3::new(0.1, 0.2, -1.0) - scene.center, DVec3::new(0.1, 0.3, 1.0).normalize());
+        let passed = |medium: &Medium| medium.transmittance(medium.density.depth(&ray, 1.1, 2.9));
+        let product = parts.iter().map(|part| passed(part)).fold(Rgb::ONE, |product, passed| product * passed);
+        assert!((passed(together) / product - 1.0).abs().max_element() < 1e-9);
+    }
+
     #[test]
     fn what_is_not_one_medium_is_refused() {
+        let other = "[media.haze]\nsigma_s = [1, 2, 3]\nphase = { type = 'rayleigh' }\nadd = true\n";
         let refused = |first: &str, second: &str, expected: &str| {
             let slabs =
                 [slab(0.0, 2.0, &format!("interior = '{first}'")), slab(1.0, 3.0, &format!("interior = '{second}'"))];
             let description =
-                scene::parse(&format!("{MEDIA}{}", slabs.concat()), "x.toml".as_ref(), &[]).expect("can be read");
+                scene::parse(&format!("{MEDIA}{other}{}", slabs.concat()), "x.toml".as_ref(), &[]).expect("can be read");
             let error = scene::build(&description).expect_err("cannot be one medium").to_string();
             assert!(error.contains(expected), "{error}");
         };
-        refused("fog", "smoke", "media.smoke: media may add up here to fog + smoke");
-        refused(
-            "fog",
-            "paint",
-            "media.paint: media may add up here to fog + paint, which scatter by other phase functions",
-        );
+        refused("fog", "smoke", "media.smoke: media may add up here to fog + smoke, whose densities differ");
+        refused("fog", "haze", "media.haze: media may add up here to fog + haze, whose phase functions differ");
     }
 }
