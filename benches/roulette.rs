@@ -43,7 +43,7 @@ fn meet(discs: &[Disc], medium: &Medium, ray: &Ray) -> (Vec<Met>, f64) {
         if t <= 0.0 || q <= 0.0 {
             continue;
         }
-        let phase =
+        let (_, phase) =
             medium.phase.value(disc.photon.position.as_dvec3(), disc.photon.direction.as_dvec3(), -ray.direction);
         let transmittance = (-medium.extinction.x * t).exp();
         let power = f64::from(disc.photon.power.x) * inverse_square * transmittance;

@@ -114,7 +114,7 @@ fn an_instance_carries_all_grids() {
 /// That of a Henyey–Greenstein function, from its value straight ahead: (1 + g)/4π (1 − g)².
 fn mean_cosine(medium: &Medium, p: DVec3) -> f64 {
     assert!(matches!(medium.phase, Phases::HenyeyGreenstein(_)));
-    let [ahead, back] = [1.0, -1.0].map(|sign| medium.phase.value(p, DVec3::Z, sign * DVec3::Z));
+    let [ahead, back] = [1.0, -1.0].map(|sign| medium.phase.value(p, DVec3::Z, sign * DVec3::Z).1);
     // (1 + g)³/(1 − g)³
     let cubed = (ahead / back).cbrt();
     (cubed - 1.0) / (cubed + 1.0)

@@ -311,12 +311,12 @@ pub fn emitted(
         }
         _ => {
             let (mut sum, mut depth) = (Rgb::ZERO, 0.0);
-            // What is emitted at `t`, over the share `width` of a length, where it is so deep.
-            let here = |t: f64, width: f64, depth: f64| {
+            // What is emitted over a length that `t` stands for, where it is as deep as `depth` tells.
+            let here = |t: f64, length: f64, depth: &dyn Fn() -> f64| {
                 let p = ray.at(t);
-                match medium.emitted(p) {
+                match medium.emitted_at(p) {
                     emitted if emitted.max_element() > 0.0 => {
-                        emitted * (medium.density.at(p) * width * share(p)) * medium.transmittance(depth)
+                        emitted * (length * share(p)) * medium.transmittance(depth())
                     }
                     _ => Rgb::ZERO,
                 }
@@ -329,7 +329,7 @@ pub fn emitted(
                         // The depth up to there, as if the cell were even.
                         let part = jitter();
                         let width = cell.tb - cell.ta;
-                        sum += here(cell.ta + width * part, width, depth + part * inside);
+                        sum += here(cell.ta + width * part, width, &|| depth + part * inside);
                     }
                     depth += inside;
                     ControlFlow::Continue(())
@@ -338,7 +338,7 @@ pub fn emitted(
                     let width = piece.tb - piece.ta;
                     if piece.depth > 0.0 && width.is_finite() {
                         let t = piece.ta + width * jitter();
-                        sum += here(t, width, depth + density.depth_in(ray, piece, t));
+                        sum += here(t, width, &|| depth + density.depth_in(ray, piece, t));
                     }
                     depth += piece.depth;
                     ControlFlow::Continue(())

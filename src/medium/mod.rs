@@ -147,6 +147,18 @@ impl Medium {
         transmittance(self.extinction, depth)
     }
 
+    /// σ_a L_e at `p`: radiance per unit of length.
+    pub fn emitted_at(&self, p: DVec3) -> Rgb {
+        match &self.emission {
+            Emission::None => Rgb::ZERO,
+            Emission::Mixed(parts) => parts.emitted(p),
+            _ => match self.density.at(p) {
+                density if density > 0.0 => self.emitted(p) * density,
+                _ => Rgb::ZERO,
+            },
+        }
+    }
+
     /// σ_a L_e/ρ at `p`: radiance per unit of length and density.
     pub fn emitted(&self, p: DVec3) -> Rgb {
         let absorption = || self.extinction * (Rgb::ONE - self.albedo_at(p));

@@ -57,11 +57,7 @@ impl Parts {
 
     /// Σ σ_a,i L_e,i ρ_i at the point `p`: radiance per length.
     pub(super) fn emitted(&self, p: DVec3) -> Rgb {
-        let own = |medium: &Medium| match medium.density.at(p) {
-            density if density > 0.0 => medium.emitted(p) * density,
-            _ => Rgb::ZERO,
-        };
-        self.0.iter().filter(|medium| medium.glows()).map(own).sum()
+        self.0.iter().filter(|medium| medium.glows()).map(|medium| medium.emitted_at(p)).sum()
     }
 
     /// The greatest |g| of a Henyey–Greenstein function that light is turned by: see [`Parts::kept`].

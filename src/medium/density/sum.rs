@@ -161,13 +161,7 @@ impl Sum {
 
     /// Calls `visit` on consecutive pieces of the ray between `t0` and `t1`, none of them longer than `longest` where that and the
     /// range are finite.
-    pub fn pieces(
-        &self,
-        ray: &Ray,
-        range: (f64, f64),
-        longest: f64,
-        mut visit: impl FnMut(&Piece) -> ControlFlow<()>,
-    ) {
+    pub fn pieces(&self, ray: &Ray, range: (f64, f64), longest: f64, mut visit: impl FnMut(&Piece) -> ControlFlow<()>) {
         let mut merged = Merged::new(range);
         for part in &self.parts {
             if let Density::Grid(grid) = &part.density {
@@ -194,11 +188,9 @@ impl Sum {
                 let found = match (cell.ta == ta, cell.tb == tb) {
                     _ if cell.is_constant() => [start; 3],
                     (true, true) => [start, middle, end],
-                    (begins, ends) => [
-                        if begins { start } else { at(ta) },
-                        at(0.5 * (ta + tb)),
-                        if ends { end } else { at(tb) },
-                    ],
+                    (begins, ends) => {
+                        [if begins { start } else { at(ta) }, at(0.5 * (ta + tb)), if ends { end } else { at(tb) }]
+                    }
                 };
                 for (sum, found) in voxels.iter_mut().zip(found) {
                     *sum += part.weight * found;
@@ -364,8 +356,7 @@ mod tests {
     /// Cubes of voxels of 0.1 around the origin, with these values; turned.
     fn voxels(value: impl Fn(usize) -> f32, interpolation: Interpolation, turn: f64) -> Density {
         let values: Vec<f32> = (0..20 * 20 * 20).map(value).collect();
-        let bricks =
-            BrickGrid::from_dense([-10; 3], [20; 3], &values, 0.0, NegativePolicy::Error).expect("finite");
+        let bricks = BrickGrid::from_dense([-10; 3], [20; 3], &values, 0.0, NegativePolicy::Error).expect("finite");
         let place = DAffine3::from_rotation_z(turn) * DAffine3::from_scale(DVec3::splat(0.1));
         Density::Grid(Grid::new(Arc::new(bricks.with_interpolation(interpolation)), place))
     }
@@ -416,8 +407,7 @@ mod tests {
                 let (t0, t1, n) = (0.2, 3.7, 70_000);
                 let depth = sum.depth(&ray, t0, t1);
                 let step = (t1 - t0) / f64::from(n);
-                let quadrature: f64 =
-                    (0..n).map(|i| sum.at(ray.at(t0 + (f64::from(i) + 0.5) * step)) * step).sum();
+                let quadrature: f64 = (0..n).map(|i| sum.at(ray.at(t0 + (f64::from(i) + 0.5) * step)) * step).sum();
                 assert!((depth - quadrature).abs() < 1e-3 * (0.1 + depth), "{number}: {depth}, not {quadrature}");
 
                 let (mut end, mut whole) = (t0, 0.0);
@@ -436,11 +426,16 @@ mod tests {
                 assert!((whole - depth).abs() < 1e-5, "{number}: {whole} in pieces, {depth}");
 
                 let mut last = (t0, 0.0);
-                sum.knots(&ray, (t0, t1), |_| true, |t, reached, _| {
-                    assert!(t >= last.0 && reached >= last.1 - 1e-12, "{number}: {last:?}, then {t}, {reached}");
-                    last = (t, reached);
-                    assert!((reached - sum.depth(&ray, t0, t)).abs() < 1e-5, "{number}, at {t}");
-                });
+                sum.knots(
+                    &ray,
+                    (t0, t1),
+                    |_| true,
+                    |t, reached, _| {
+                        assert!(t >= last.0 && reached >= last.1 - 1e-12, "{number}: {last:?}, then {t}, {reached}");
+                        last = (t, reached);
+                        assert!((reached - sum.depth(&ray, t0, t)).abs() < 1e-5, "{number}, at {t}");
+                    },
+                );
                 assert!((last.1 - depth).abs() < 1e-5);
 
                 for share in [0.01, 0.4, 0.99] {

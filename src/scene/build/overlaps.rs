@@ -174,7 +174,9 @@ struct Mixed<'a> {
 impl Mixed<'_> {
     /// For what varies.
     fn together(&self) -> Arc<Parts> {
-        self.together.get_or_init(|| Arc::new(Parts::new(self.parts.iter().map(|&part| part.clone()).collect()))).clone()
+        self.together
+            .get_or_init(|| Arc::new(Parts::new(self.parts.iter().map(|&part| part.clone()).collect())))
+            .clone()
     }
 
     /// What all scatter, if their shares of that are the same everywhere.
@@ -399,7 +401,8 @@ add = true
             let turned = all(&|part| part.extinction * part.albedo_at(p) * part.phase.value(p, before, after).0);
             let emitted = all(&|part| part.emitted(p));
             let density = together.density.at(p);
-            let close = |found: Rgb, expected: Rgb| assert!(found.abs_diff_eq(expected, 1e-9), "{found}, not {expected}");
+            let close =
+                |found: Rgb, expected: Rgb| assert!(found.abs_diff_eq(expected, 1e-9), "{found}, not {expected}");
             close(together.extinction * density, extinction);
             close(together.albedo_at(p), scattering / extinction);
             close(together.phase.value(p, before, after).0, turned / scattering);
@@ -425,7 +428,7 @@ add = true
                 let mut ahead = 0.0;
                 for j in 0..400 {
                     let (u, v) = ((f64::from(j % 20) + 0.5) / 20.0, (f64::from(j / 20) + 0.5) / 20.0);
-                    let direction = sampling::sphere([u, v].into());
+                    let direction = sampling::sphere([u, v]);
                     ahead += if direction.dot(after) > 0.0 { phase.value(before, direction) } else { 0.0 };
                 }
                 part.extinction * part.albedo_at(p) * (ahead * 4.0 * PI / 400.0)
@@ -445,8 +448,8 @@ add = true
         let refused = |first: &str, second: &str, expected: &str| {
             let slabs =
                 [slab(0.0, 2.0, &format!("interior = '{first}'")), slab(1.0, 3.0, &format!("interior = '{second}'"))];
-            let description =
-                scene::parse(&format!("{MEDIA}{other}{}", slabs.concat()), "x.toml".as_ref(), &[]).expect("can be read");
+            let description = scene::parse(&format!("{MEDIA}{other}{}", slabs.concat()), "x.toml".as_ref(), &[])
+                .expect("can be read");
             let error = scene::build(&description).expect_err("cannot be one medium").to_string();
             assert!(error.contains(expected), "{error}");
         };
