@@ -563,3 +563,46 @@ fn a_mesh_that_overlaps_itself_is_the_same_to_all() {
         }
     }
 }
+
+/// A camera in a small opaque ball above a bright floor sees nothing of that, however few photons there are and however wide their discs.
+#[test]
+fn no_light_comes_into_an_opaque_ball() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = |ball: [f64; 2]| {
+        let [height, radius] = ball;
+        let quad = |v: &str| {
+            format!(
+                "[[shapes]]\ntype = \"quad\"\norigin = [-5, 0, -5]\nedge_u = [10, 0, 0]\nedge_v = {v}\nmaterial = \"white\"\n"
+            )
+        };
+        let text = format!(
+            "[film]\nwidth = 12\nheight = 8\n[camera]\nposition = [3.5, {height}, 3.5]\ntarget = [3.4, 0, 3.4]\nfov = 60\n\
+             [render]\nmethod = \"photon\"\nsamples = 4\n[materials.white]\ntype = \"lambert\"\nreflectance = 0.7\n{}{}\
+             [[shapes]]\ntype = \"sphere\"\ncenter = [3.5, {height}, 3.5]\nradius = {radius}\nmaterial = \"white\"\n\
+             [[lights]]\ntype = \"point\"\nposition = [0.3, 3.3, 0.3]\nintensity = 30\n",
+            quad("[0, 0, 10]"),
+            quad("[0, 10, 0]")
+        );
+        let file = folder.path().join(format!("ball{height}.toml"));
+        std::fs::write(&file, text).unwrap();
+        file.to_str().unwrap().to_owned()
+    };
+    for (ball, photons) in [([0.5, 0.45], 4000), ([0.1, 0.05], 4000), ([0.7, 0.5], 300)] {
+        let scene = scene(ball);
+        for estimate in ["knn", "sheets"] {
+            for seed in 1..=2 {
+                let sets = [
+                    "surface.indirect=map".to_owned(),
+                    format!("surface.estimate={estimate}"),
+                    format!("photons.global={photons}"),
+                    format!("render.seed={seed}"),
+                ];
+                let sets: Vec<&str> = sets.iter().map(String::as_str).collect();
+                assert_eq!(outcome(&scene, &sets).mean, [0.0; 3], "{ball:?}: {sets:?}");
+            }
+        }
+        let outside =
+            ["surface.indirect=map", "camera.position=[3.5,3,3.5]", "camera.target=[2,0,2]", "photons.global=4000"];
+        assert!(outcome(&scene, &outside).mean[0] > 0.1, "the floor is dark");
+    }
+}

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use rayon::prelude::*;
 
-use super::cut::{Cutting, Disc, Place, cutting};
+use super::cut::{CLOSE, Cutting, Disc, Place, cutting, stray};
 use crate::math::{DVec3, Rgb, Stream};
 use crate::photon::sheets::{FACING, FLATTENED};
 use crate::photon::simd::LANES;
@@ -56,18 +56,18 @@ impl Balls {
         memory: &mut PointMemory,
     ) -> (Rgb, f32, bool) {
         let mut sum = Rgb::ZERO;
-        let all = (Events::unlimited(), SurfaceFilter::None);
+        let all = (Events::unlimited(), SurfaceFilter::None, f64::INFINITY);
         let area = self.around(scene, place, all, stream, memory, |_, _, power| sum += power);
         area.map_or((Rgb::ZERO, 0.0, true), |(area, cut)| (sum / area, (area / PI).sqrt() as f32, cut))
     }
 
-    /// Tells `photon` from where and with what power photons landed around a place, each counted as the filter says. Returns the
-    /// area they landed on, and whether it is cut; `None` where there are none.
+    /// Tells `photon` from where and with what power photons landed around a place that is looked at from so far, each counted as the
+    /// filter says. Returns the area they landed on, and whether it is cut; `None` where there are none.
     pub(super) fn around(
         &self,
         scene: &Scene,
         place: Place,
-        (most, filter): (Events, SurfaceFilter),
+        (most, filter, came): (Events, SurfaceFilter, f64),
         stream: &mut Stream,
         memory: &mut PointMemory,
         mut photon: impl FnMut(&mut Stream, DVec3, Rgb),
@@ -106,16 +106,23 @@ impl Balls {
             squared *= even_share(&rings);
         }
 
-        // Whether any of them says that discs here may be cut, and how.
-        let cut = lanes().any(|(block, lane)| self.cut[block] && counts(block, lane, squared).is_some());
+        // Whether some lie on a surface that is separate, as the one may that strays most; or any says that discs here may be cut.
         let radius = f64::from(squared.sqrt());
-        let disc = cut.then(|| Disc::new(scene, place, radius, stream.uniform()));
+        let close = came < CLOSE * radius;
+        let one = close.then(|| self.apart(scene, place, squared, memory)).flatten();
+        let is_one = one.is_some();
+        let cut = is_one || lanes().any(|(block, lane)| self.cut[block] && counts(block, lane, squared).is_some());
+        let disc = one.or_else(|| cut.then(|| Disc::new(scene, place, radius, stream.uniform())));
 
         let mut found = false;
         for (block, lane) in lanes() {
             let Some((offset, distance, facing)) = counts(block, lane, squared) else { continue };
             let (direction, power) = self.map.loads[block].of(lane);
-            let reached = || disc.as_ref().is_none_or(|disc| disc.reaches(scene, place, offset.as_dvec3()));
+            let reached = || match &disc {
+                None => true,
+                Some(disc) if is_one => disc.is_joined(scene, place, offset.as_dvec3()),
+                Some(disc) => disc.reaches(scene, place, offset.as_dvec3()),
+            };
             if -direction.dot(place.normal) <= 0.0 || !reached() {
                 continue;
             }
@@ -126,6 +133,22 @@ impl Balls {
         }
         let share = |disc: &Disc| disc.share(scene, place, (filter, self.kind), true);
         found.then(|| (PI * radius * radius * disc.as_ref().map_or(1.0, share), cut))
+    }
+
+    /// The disc around a place whose photons are to be of one surface, if not all of those within a squared radius are: if the one that strays
+    /// most is not.
+    #[cold]
+    fn apart(&self, scene: &Scene, place: Place, squared: f32, memory: &PointMemory) -> Option<Disc> {
+        let (x, normal) = (place.point.as_vec3(), place.normal.as_vec3());
+        let strays = |(block, lane): (usize, usize)| {
+            let (offset, own) = (self.map.place(block, lane) - x, self.map.normals[block][lane].unpacked());
+            let near = offset.length_squared() < squared && offset.dot(normal).abs() <= FLATTENED * squared.sqrt();
+            (near && own.dot(normal) >= FACING).then(|| (stray(offset, [normal, own]), offset))
+        };
+        let lanes = memory.blocks().iter().flat_map(|&block| (0..LANES).map(move |lane| (block as usize, lane)));
+        let (_, offset) = lanes.filter_map(strays).max_by(|a, b| a.0.total_cmp(&b.0))?;
+        let disc = Disc::of_one_surface(scene, place, squared.sqrt().into());
+        (!disc.is_joined(scene, place, offset.as_dvec3())).then_some(disc)
     }
 
     /// Whether the discs around one photon of a block may be cut, by what probes on a wider rim say.

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use crate::math::{DVec3, Frame, Ray};
+use crate::math::{DVec3, Frame, Ray, Vec3};
 use crate::photon::Kind;
 use crate::photon::sheets::{FACING, FLATTENED};
 use crate::scene::description::SurfaceFilter;
@@ -24,6 +24,12 @@ const UNEVEN: f64 = 0.002;
 const RIM: u32 = 8;
 /// No disc is taken to be cut to less than this share.
 const LEAST_SHARE: f64 = 0.05;
+/// Ways that tell whether photons are of joined surfaces lead so many times as high as discs are: above all of their photons.
+const ABOVE: f64 = 1.25;
+/// Whoever looks at a place from no farther than so many radii may be enclosed with it by something smaller than its disc.
+pub(super) const CLOSE: f64 = 2.0;
+/// A surface is met again on the way to a place on it within this share of the height that is come from.
+const SAME: f64 = 0.02;
 
 /// Which sectors of a disc are free throughout, by bits.
 pub(super) type Free = u32;
@@ -43,17 +49,21 @@ pub struct Place {
 pub(super) struct Disc {
     frame: Frame,
     radius: f64,
+    /// How high above the place its ways lead.
+    height: f64,
     /// Where the first sector's middle is, in turns.
     turn: f64,
     /// By the ways along the sectors' middles and those of their neighbours.
     free: Free,
+    /// Whether slopes are walls, too.
+    slopes: bool,
 }
 
 impl Disc {
     /// Looks for walls around a place; `turn` only turns the pattern of probes.
     pub(super) fn new(scene: &Scene, place: Place, radius: f64, turn: f64) -> Disc {
         let mut disc = Disc::known(place, radius, turn, 0);
-        let height = f64::from(FLATTENED) * radius;
+        let height = disc.height;
         let middle = |sector: u32| on_rim(&disc.frame, radius, turn + f64::from(sector) / f64::from(SECTORS));
         let along: [bool; SECTORS as usize] =
             std::array::from_fn(|sector| is_free(scene, place, middle(sector as u32), height));
@@ -65,7 +75,14 @@ impl Disc {
 
     /// One of which it is known where it is free.
     pub(super) fn known(place: Place, radius: f64, turn: f64, free: Free) -> Disc {
-        Disc { frame: Frame::around(place.normal), radius, turn, free }
+        let height = f64::from(FLATTENED) * radius;
+        Disc { frame: Frame::around(place.normal), radius, height, turn, free, slopes: false }
+    }
+
+    /// One of which photons are to be [joined](Disc::is_joined) to its place, be they ever so near.
+    pub(super) fn of_one_surface(scene: &Scene, place: Place, radius: f64) -> Disc {
+        let disc = Disc::known(place, radius, 0.0, 0);
+        Disc { height: headroom(scene, place, ABOVE * disc.height), slopes: true, ..disc }
     }
 
     /// Which of its sectors are free.
@@ -76,15 +93,29 @@ impl Disc {
     /// Whether photons so far aside are on it.
     pub(super) fn reaches(&self, scene: &Scene, place: Place, offset: DVec3) -> bool {
         let (x, y) = (offset.dot(self.frame.x), offset.dot(self.frame.y));
+        let aside = x * self.frame.x + y * self.frame.y;
+        if self.slopes {
+            return is_open(scene, place.point + self.height * place.normal, aside);
+        }
         let turns = (y.atan2(x) / TAU - self.turn).rem_euclid(1.0);
         self.free >> ((turns * f64::from(SECTORS) + 0.5) as u32 % SECTORS) & 1 != 0
-            || is_free(scene, place, x * self.frame.x + y * self.frame.y, f64::from(FLATTENED) * self.radius)
+            || is_free(scene, place, aside, self.height)
+    }
+
+    /// Whether a photon so far from the place landed on the same surface, or one joined to that: no wall is on the way up from the place, along
+    /// its tangent plane and down to the photon. To one that faces the same way no way leads from below.
+    pub(super) fn is_joined(&self, scene: &Scene, place: Place, offset: DVec3) -> bool {
+        let down = self.height - offset.dot(place.normal);
+        let from = place.point + offset + down * place.normal;
+        // Down to the surface of the photon itself.
+        let way = down - SAME * self.height;
+        down > 0.0 && self.reaches(scene, place, offset) && is_open(scene, from, -way.max(0.0) * place.normal)
     }
 
     /// Its share of the whole disc, weighted by a filter: without what is not free, and where no surface that faces the same way lies
     /// below, unless there are no `edges`. (Jensen 2001, §7.4, takes the convex hull of the photons for it.)
     pub(super) fn share(&self, scene: &Scene, place: Place, (filter, kind): (SurfaceFilter, Kind), edges: bool) -> f64 {
-        let height = f64::from(FLATTENED) * self.radius;
+        let height = self.height;
         let share_of = |probes: u32| {
             let (mut covered, mut all) = ([0.0; 2], [0.0; 2]);
             for probe in 0..probes {
@@ -140,6 +171,31 @@ pub(super) fn cutting(scene: &Scene, place: Place, radius: f64, kind: Kind) -> C
         cutting.edges |= is_free && landing(scene, place, aside, height, kind) < 1.0;
     }
     cutting
+}
+
+/// How far a photon is from where a surface through a place would lie if it were as curved as the normals at both say: nothing on spheres and
+/// planes, and how far apart they are for two planes that face the same way.
+pub(super) fn stray(offset: Vec3, normals: [Vec3; 2]) -> f32 {
+    (0.5 * offset.dot(normals[0] + normals[1])).abs()
+}
+
+/// How high above a place ways may lead: as high as is asked for, or half as high as the lowest wall above it.
+fn headroom(scene: &Scene, place: Place, height: f64) -> f64 {
+    let mut lowest = 2.0 * height;
+    let up = Ray::new(place.point, place.normal);
+    scene.geometry.all_hits(&up, SAME * height, height, |hit| {
+        if scene.surfaces[hit.id as usize].material.is_wall() {
+            lowest = lowest.min(hit.t);
+        }
+    });
+    (0.5 * lowest).min(height)
+}
+
+/// Whether no wall lies on a way.
+fn is_open(scene: &Scene, from: DVec3, way: DVec3) -> bool {
+    let is_wall = |shape: u32| scene.surfaces[shape as usize].material.is_wall();
+    way.try_normalize()
+        .is_none_or(|direction| !scene.geometry.occluded(&Ray::new(from, direction), 0.0, way.length(), is_wall))
 }
 
 /// Whether light of one place may be that of the other, `aside` of it: no wall is between.

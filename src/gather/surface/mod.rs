@@ -24,7 +24,8 @@ use crate::transport::{Events, Interaction, Vertex};
 /// The radiance estimate (Jensen 2001, Eq. 7.8): L(x, ω) = Σ f(x, ω_p → ω) Φ_p k(d_p/r)/(s π r²) over photons within r of x, where r is the
 /// distance of the n-th nearest, or the cap, or fixed, or as far as light is even; or each photon has an r and s of its own. Balls are flattened: photons count that lie
 /// near the tangent plane, on surfaces that face the same way, so that light of one wall does not colour another at an edge, nor shine through
-/// a thin wall. s is the share of the disc on which such photons can land, without what lies past an edge or behind a wall.
+/// a thin wall; and where who looks is closer than two radii, and may be enclosed with the place, those to which no wall is on the way. s is the
+/// share of the disc on which such photons can land, without what lies past an edge or behind a wall.
 #[derive(Debug)]
 pub struct SurfaceMap {
     photons: Photons,
@@ -170,11 +171,13 @@ impl SurfaceMap {
         };
         let area = match &self.photons {
             Photons::Balls(balls) => {
-                let found = balls.around(scene, place, (most, self.filter), stream, memory, photon);
+                let found = balls.around(scene, place, (most, self.filter, at.t), stream, memory, photon);
                 found.map(|(area, _)| area)
             }
             // Their powers are by area.
-            Photons::Sheets(sheets) => sheets.around(scene, place, (most, None), stream, memory, photon).map(|_| 1.0),
+            Photons::Sheets(sheets) => {
+                sheets.around(scene, place, (most, None, at.t), stream, memory, photon).map(|_| 1.0)
+            }
         };
         few.iter().flat_map(Few::drawn).for_each(|(from, power)| send(stream, from, power));
         area.map_or(Rgb::ZERO, |area| sum / area)

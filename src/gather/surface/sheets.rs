@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use rayon::prelude::*;
 
-use super::cut::{ALL_FREE, Cutting, Disc, Free, Place, cutting};
+use super::cut::{ALL_FREE, CLOSE, Cutting, Disc, Free, Place, cutting, stray};
 use crate::math::{DVec3, Rgb, Stream};
 use crate::photon::sheets::{FACING, FLATTENED, SheetMap, SheetSettings};
 use crate::photon::simd::LANES;
@@ -119,18 +119,18 @@ impl Sheets {
         memory: &mut PointMemory,
     ) -> (Rgb, f32, bool) {
         let mut sum = Rgb::ZERO;
-        let all = (Events::unlimited(), Some(own));
+        let all = (Events::unlimited(), Some(own), f64::INFINITY);
         let cut = self.around(scene, place, all, stream, memory, |_, _, power| sum += power);
         (sum, self.map.radius_at(place.point.as_vec3(), memory), cut.unwrap_or(true))
     }
 
-    /// Tells `photon` from where and with what power by area photons landed around a place. Returns whether some of their sheets are
-    /// cut by walls; `None` where there are none. A photon at the very place counts `own`, if that is said.
+    /// Tells `photon` from where and with what power by area photons landed around a place that is looked at from so far. Returns whether
+    /// some of their sheets are cut by walls; `None` where there are none. A photon at the very place counts `own`, if that is said.
     pub(super) fn around(
         &self,
         scene: &Scene,
         place: Place,
-        (most, own): (Events, Option<f32>),
+        (most, own, came): (Events, Option<f32>, f64),
         stream: &mut Stream,
         memory: &mut PointMemory,
         mut photon: impl FnMut(&mut Stream, DVec3, Rgb),
@@ -138,6 +138,8 @@ impl Sheets {
         let (x, normal, most) = (place.point.as_vec3(), place.normal.as_vec3(), most.in_a_byte());
         let (photons, mut cut) = (&self.map.photons, None);
         self.map.look_up(x, memory);
+        let close = |(block, lane)| came * came < CLOSE * CLOSE * f64::from(self.map.square(block, lane));
+        let separate = memory.lanes().any(close) && self.is_separate(scene, place, memory);
         for (block, lane) in memory.lanes() {
             let offset = x - photons.place(block, lane);
             let (distance, square) = (offset.length_squared(), self.map.square(block, lane));
@@ -148,6 +150,7 @@ impl Sheets {
                 || facing < FACING
                 || height * height > FLATTENED * FLATTENED * square
                 || -direction.dot(place.normal) <= 0.0
+                || separate && !self.is_joined(scene, place, (block, lane))
             {
                 continue;
             }
@@ -169,6 +172,26 @@ impl Sheets {
         }
         cut
     }
+
+    /// Whether photons that were found around a place are of a surface that is separate, as the one may be that strays most.
+    #[cold]
+    fn is_separate(&self, scene: &Scene, place: Place, memory: &PointMemory) -> bool {
+        let (x, normal) = (place.point.as_vec3(), place.normal.as_vec3());
+        let strays = |(block, lane): (usize, usize)| {
+            let own = self.map.photons.normals[block][lane].unpacked();
+            let offset = x - self.map.photons.place(block, lane);
+            let near = own.dot(normal) >= FACING && offset.dot(own).abs() <= FLATTENED * self.map.radius(block, lane);
+            near.then(|| (stray(offset, [normal, own]), (block, lane)))
+        };
+        let farthest = memory.lanes().filter_map(strays).max_by(|a, b| a.0.total_cmp(&b.0));
+        farthest.is_some_and(|(_, lane)| !self.is_joined(scene, place, lane))
+    }
+
+    /// Whether a photon is of the same surface as a place.
+    fn is_joined(&self, scene: &Scene, place: Place, (block, lane): (usize, usize)) -> bool {
+        let offset = self.map.photons.place(block, lane).as_dvec3() - place.point;
+        Disc::of_one_surface(scene, place, self.map.radius(block, lane).into()).is_joined(scene, place, offset)
+    }
 }
 
 /// How the probes around a photon are turned.
@@ -179,8 +202,8 @@ fn turn(block: usize, lane: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::Vec3;
     use crate::math::random::Purpose;
-    use crate::math::{DVec3, Vec3};
     use crate::photon::PackedNormal;
     use crate::scene;
 
@@ -227,7 +250,7 @@ mod tests {
                 let at = |point: DVec3| Place { point, normal: DVec3::Z };
                 let mut sum = 0.0;
                 for point in &places {
-                    let all = (Events::unlimited(), None);
+                    let all = (Events::unlimited(), None, f64::INFINITY);
                     sheets.around(&scene, at(*point), all, &mut any, &mut memory, |_, _, power| sum += power.x);
                 }
                 let shown = sum / PLACES as f64;
