@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use crate::half_space::H;
-use crate::support::{Checks, Estimate, render};
+use crate::support::{Checks, Estimate, render, scene};
 
 const BOTH: [&str; 2] = ["path", "photon"];
 
@@ -333,4 +333,53 @@ fn a_furnace_of_lossless_solids_by_photons() {
         }
     }
     checks.finish();
+}
+
+/// Around a lamp in an endless medium of isotropic scattering photons bring Λ/(1 − Λ) of its power to collisions that scatter, at a mean squared
+/// distance of 2/(1 − Λ) mean free paths: the value and the curvature at 0 of the fluence's Fourier transform A/(1 − ΛA), of A = arctan(k)/k.
+#[test]
+fn photons_wander_as_far_as_they_should() {
+    use volpm::light::Light;
+    use volpm::photon::{Emission, Pass, trace};
+    use volpm::scene::description::SingleScattering;
+    use volpm::transport::Events;
+    const SEEDS: u64 = 12;
+    for albedo in [0.9, 0.99] {
+        let text = format!(
+            "[camera]\nposition = [0, 0, 10]\ntarget = [0, 0, 11]\n[world]\nmedium = \"fog\"\n\
+             [media.fog]\nsigma_t = 1\nalbedo = {albedo}\n[[lights]]\ntype = \"point\"\nposition = [0, 0, 0]\npower = 1\n"
+        );
+        let scene = scene(&text, &[]);
+        let Light::Point(lamp) = &scene.lights[0] else { panic!("no lamp") };
+        let exact = [albedo / (1.0 - albedo), 2.0 / (1.0 - albedo)];
+        let found: Vec<[f64; 2]> = (1..=SEEDS)
+            .map(|seed| {
+                let pass = Pass {
+                    seed,
+                    index: 0,
+                    target: 20_000,
+                    max_emitted: u64::MAX,
+                    emission: Emission::default(),
+                    max_events: Events::unlimited(),
+                    single_scattering: SingleScattering::Photons,
+                    importons: None,
+                    control: None,
+                };
+                let traced = trace(&scene, &pass, &|_, _| {}, &|| false).unwrap();
+                let mut sums = [0.0; 2];
+                for photon in traced.regions.iter().flatten() {
+                    let squared = photon.position.as_dvec3().distance_squared(lamp.position);
+                    sums[0] += f64::from(photon.power.x);
+                    sums[1] += f64::from(photon.power.x) * squared;
+                }
+                [sums[0] / exact[0] - 1.0, sums[1] / (exact[0] * exact[1]) - 1.0]
+            })
+            .collect();
+        for (moment, what) in ["power", "power times squared distance"].iter().enumerate() {
+            let mean = found.iter().map(|off| off[moment]).sum::<f64>() / SEEDS as f64;
+            let squares = found.iter().map(|off| (off[moment] - mean).powi(2)).sum::<f64>();
+            let error = (squares / (SEEDS * (SEEDS - 1)) as f64).sqrt();
+            assert!(error < 0.02 && mean.abs() < 4.0 * error, "Λ {albedo}, {what}: off by {mean} ± {error}");
+        }
+    }
 }
