@@ -171,3 +171,55 @@ fn what_grids_cannot_tell_is_refused() {
         "{error}"
     );
 }
+
+/// A grid that is turned, sheared, mirrored, or a million times as large or small is at each point what it was before at the point that went
+/// there, and along each ray, too.
+#[test]
+fn transforms_carry_grids_along() {
+    use volpm::math::Ray;
+    use volpm::math::random::{Purpose, Stream};
+    type Back = fn(DVec3) -> DVec3;
+    let turned = |p: DVec3| {
+        let (sin, cos) = 30f64.to_radians().sin_cos();
+        DVec3::new(cos * p.x + sin * p.y, cos * p.y - sin * p.x, p.z)
+    };
+    let cases: [(&str, Back, f64); 6] = [
+        ("{ rotate = { axis = [0, 0, 1], angle = 30 } }", turned, 1.0),
+        (
+            "{ matrix = [1, 0.4, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1] }",
+            |p| DVec3::new(p.x - 0.4 * p.y, p.y, p.z),
+            1.0,
+        ),
+        ("{ scale = [-1, 1, 1] }", |p| DVec3::new(-p.x, p.y, p.z), 1.0),
+        ("{ scale = [1, 1, -0.01] }", |p| DVec3::new(p.x, p.y, -100.0 * p.z), 1.0),
+        ("{ scale = 1e6 }", |p| 1e-6 * p, 1e6),
+        ("{ scale = 1e-6 }", |p| 1e6 * p, 1e-6),
+    ];
+    let of = |density: &str| {
+        scene(&SCENE.replace("COEFFICIENTS", "sigma_t = 1.2\nalbedo = 0.5").replace("DENSITY", density), &[])
+    };
+    let before = of("grid = \"density\"");
+    let mut stream = Stream::new(12, Purpose::Test, 0, 0);
+    for (transform, back, size) in cases {
+        let after = of(&format!("grid = \"density\", transform = [{transform}]"));
+        let [was, is] = [&before, &after].map(|scene| &scene.media[0].density);
+        let mut dense = 0;
+        for _ in 0..2000 {
+            let mut point = || {
+                let [x, y] = stream.uniform2();
+                size * (2.4 * DVec3::new(x, y, stream.uniform()) - DVec3::splat(1.2))
+            };
+            let (p, q) = (point(), point());
+            let (at, expected) = (is.at(p - after.center), was.at(back(p) - before.center));
+            assert!((at - expected).abs() < 1e-5, "{transform} at {p}: {at}, not {expected}");
+            dense += usize::from(expected > 0.0);
+            let along = |density: &volpm::medium::density::Density, [p, q]: [DVec3; 2]| {
+                density.depth(&Ray::new(p, (q - p).normalize()), 0.0, p.distance(q)) / p.distance(q)
+            };
+            let found = along(is, [p, q].map(|p| p - after.center));
+            let expected = along(was, [p, q].map(|p| back(p) - before.center));
+            assert!((found - expected).abs() < 1e-5, "{transform} from {p} to {q}: {found}, not {expected}");
+        }
+        assert!(dense > 10, "{transform}: {dense} points in the cloud");
+    }
+}
