@@ -231,6 +231,29 @@ fn three_methods_agree_on_a_dozen_scenes() {
     compare(|_| Effort::once(8), 8000, 0.012, false);
 }
 
+/// Media that add up to deep ones, where photons are kept by how deep they are, with the phase function that light is turned by.
+#[test]
+fn photons_agree_where_media_add_up_to_deep_ones() {
+    let wax = "[media.wax]\nsigma_t = 4\nalbedo = 0.8\nadd = true\n[media.dust]\nsigma_t = 0.3\nalbedo = [0.9, 0.6, 0.4]\n\
+               phase = { type = \"hg\", g = 0.6 }\nadd = true\n[[shapes]]\ntype = \"sphere\"\ncenter = [0, 0.9, 0]\nradius = 0.8\n\
+               interior = \"wax\"\n[[shapes]]\ntype = \"sphere\"\ncenter = [0, 0.9, 0]\nradius = 1\ninterior = \"dust\"\n";
+    let text = [PARTS, wax, FLOOR_OF_TILES, LAMP].concat();
+    let of = |changes: &[&str]| {
+        let images = Effort::once(4).images(&text, changes, |_| true);
+        Estimate::over(&images, |image| means(image)[4])
+    };
+    let path = of(&["render.method=path", "render.samples=1024"]);
+    let photon = of(&["render.method=photon", "render.samples=64", "photons.volume=300000"]);
+    for (off, error) in photon.bias(&path) {
+        assert!(
+            error < 0.01 && off.abs() < 0.03 + 4.0 * error,
+            "{:+.2} ± {:.2} %: {path:?} {photon:?}",
+            100.0 * off,
+            100.0 * error
+        );
+    }
+}
+
 /// To be run by hand, alone: a table of means, each known to 0.2 % or as well as the time allows (`VOLPM_SECONDS` a method).
 #[test]
 #[ignore = "minutes of every scene"]

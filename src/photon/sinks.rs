@@ -171,8 +171,9 @@ impl VolumeSink {
         let place = Place { point: at.point, direction: at.direction, region: quota.scene.region(at.inside), events };
         if let Some(extinction) = quota.deep[at.index as usize] {
             let least = || quota.scene.least_clearance(at.inside, at.point);
-            let power = if wanted { power } else { Rgb::ZERO };
-            return self.deposit_deep(quota, &place, extinction, least, power, stream);
+            let (direction, factor) = at.medium.phase.kept(at.point, at.direction, stream);
+            let power = if wanted { power * factor } else { Rgb::ZERO };
+            return self.deposit_deep(quota, &Place { direction, ..place }, extinction, least, power, stream);
         }
         let mut keep = quota.keep;
         if let Some(importance) = quota.importance.as_ref().filter(|_| wanted) {
