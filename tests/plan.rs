@@ -90,6 +90,10 @@ fn a_render_has_what_its_plan_says() {
             assert_eq!(told(name).needed, found > 0, "{what}, {name}: {}", told(name).why);
             assert!(told(name).count.unwrap_or(0) >= found, "{what}, {name}: {found}");
         }
+        if what == "fog" || what.starts_with("a cloud") {
+            let kept = ["photon_directions", "photon_colours"].map(|name| told(name).needed);
+            assert_eq!(kept, [what != "fog", false], "{what}: grey light, which fog scatters alike in all directions");
+        }
         close("volume_map", forecast.bytes.volume_map, stats.map_bytes, 0.2);
         close("surface_maps", forecast.bytes.surface_maps, stats.surface_bytes, 0.2);
         let parts = ["caustic_map", "global_map", "visibility_map"].map(|name| told(name).bytes.unwrap_or(0));

@@ -241,6 +241,16 @@ impl PhotonMap {
         size_of_val(&*self.wall_starts) + size_of_val(&*self.walls) + size_of_val(&*self.leaning)
     }
 
+    /// Whether it keeps photons' directions.
+    pub fn has_directions(&self) -> bool {
+        self.blocks.has_directions()
+    }
+
+    /// Whether the power of each photon is the same in all channels, and kept once.
+    pub fn is_grey(&self) -> bool {
+        self.blocks.is_grey()
+    }
+
     /// Whether some discs lie along walls.
     pub fn leans(&self) -> bool {
         !self.leaning.is_empty()

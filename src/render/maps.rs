@@ -47,6 +47,10 @@ pub(super) struct Summary {
     pub rejected: usize,
     pub bytes: usize,
     pub radii: Radii,
+    /// Whether photons keep directions,
+    pub directions: bool,
+    /// and a power for each channel.
+    pub colours: bool,
     /// Whether some discs lie along walls.
     pub leans: bool,
     /// What walls near photons take of that, in bytes.
@@ -88,6 +92,8 @@ impl Maps {
             rejected: map.rejected(),
             bytes: map.bytes(),
             radii: map.radii(),
+            directions: map.has_directions(),
+            colours: !map.is_grey(),
             leans: map.leans(),
             walls: map.wall_bytes(),
         };
@@ -96,6 +102,8 @@ impl Maps {
             rejected: map.rejected(),
             bytes: map.bytes(),
             radii: map.radii(),
+            directions: true,
+            colours: true,
             leans: false,
             walls: 0,
         };

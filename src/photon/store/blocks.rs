@@ -119,6 +119,16 @@ impl Blocks {
         });
     }
 
+    /// Whether directions are kept.
+    pub(crate) fn has_directions(&self) -> bool {
+        self.fields.directions
+    }
+
+    /// Whether photons have one power for all channels.
+    pub(crate) fn is_grey(&self) -> bool {
+        self.fields.power[0] == self.fields.power[2]
+    }
+
     /// How many there are.
     #[inline(always)]
     pub(crate) fn len(&self) -> usize {

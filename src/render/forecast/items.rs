@@ -194,6 +194,10 @@ fn in_media(items: &mut Items, (scene, settings): (&Scene, &Settings), plan: &Pl
     }
     items.add("volume_map", unless(why_none, kind)).takes(found.map(|found| found.bytes));
     if let Some(found) = found {
+        let even = (!found.directions).then_some("all media scatter light alike in all directions");
+        items.add("photon_directions", unless(why_none.or(even), "light is scattered by where it comes from"));
+        let grey = (!found.colours).then_some("the power of each photon is the same in all channels");
+        items.add("photon_colours", unless(why_none.or(grey), "photons have a power for each channel"));
         let why_not = why_none.or(match () {
             () if plan.points.is_some() => Some("points of marched rays look up all photons"),
             () if !plan.spreads || plan.only_forces(Forced::SparseVolumeMap) => Some("surfaces spread no rays"),

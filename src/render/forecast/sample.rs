@@ -62,6 +62,10 @@ pub(super) struct Expected {
     pub sparse_fullness: f64,
     /// Whether some discs lean on walls.
     pub leans: bool,
+    /// Whether some photons keep directions,
+    pub directions: bool,
+    /// and a power for each channel.
+    pub colours: bool,
     /// The mean radius of discs.
     pub radius: f64,
 }
@@ -171,6 +175,8 @@ fn of_media(scene: &Scene, plan: &Plan, found: &mut Maps) -> Result<Expected> {
         expected.bytes += bytes + of_spread(bytes);
         expected.walls += scaled(map.walls);
         expected.leans |= map.leans;
+        expected.directions |= map.directions;
+        expected.colours |= map.colours;
         radii += f64::from(map.radii.mean) * photons as f64;
     }
     expected.radius = radii / expected.stored as f64;
