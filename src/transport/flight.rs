@@ -133,6 +133,12 @@ pub fn fly(
     }
 }
 
+/// The extinction of the densest channel that carries something. The others must not be waited for: one of them may be a billion times
+/// denser.
+fn strongest(sigma: Rgb, weight: Rgb) -> f64 {
+    Rgb::select(weight.cmpgt(Rgb::ZERO), sigma, Rgb::ZERO).max_element()
+}
+
 /// A flight through voxels: delta tracking under local majorants (Woodcock et al. 1965; per channel as in Kutz et al. 2017).
 /// Where they promise long work, the density itself is the majorant: its depth is known cell by cell.
 #[allow(clippy::too_many_arguments, reason = "those of `fly`")]
@@ -146,9 +152,7 @@ fn track(
     tally: &mut Tally,
     mut tentative: impl FnMut(f64, Rgb, f64),
 ) -> Option<f64> {
-    // Channels that carry nothing any more must not be waited for: one of them may be a billion times denser than the others.
-    let strongest = |weight: Rgb| Rgb::select(weight.cmpgt(Rgb::ZERO), sigma, Rgb::ZERO).max_element();
-    let mut largest = strongest(*weight);
+    let mut largest = strongest(sigma, *weight);
     let mut collision = None;
     let mut target = stream.exponential();
     // The largest extinction from there on, if it does not collide.
@@ -161,7 +165,7 @@ fn track(
             return None;
         }
         *weight *= ((Rgb::ONE - extinction / mu) / (1.0 - real)).max(Rgb::ZERO);
-        Some(strongest(*weight))
+        Some(strongest(sigma, *weight))
     };
     grid.majorants(ray, a, b, |from, to, majorant| {
         if majorant * largest <= 0.0 {
@@ -229,7 +233,7 @@ fn superpose(
     mut tentative: impl FnMut(f64, Rgb, f64),
 ) -> Option<f64> {
     loop {
-        let largest = Rgb::select(weight.cmpgt(Rgb::ZERO), sigma, Rgb::ZERO).max_element();
+        let largest = strongest(sigma, *weight);
         if largest <= 0.0 {
             return None;
         }

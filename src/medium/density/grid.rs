@@ -3,9 +3,9 @@
 use std::ops::ControlFlow;
 use std::sync::{Arc, OnceLock};
 
-use super::Coarse;
 use super::bricks::{BrickGrid, Cell, Precision};
 use super::coarse::Cells;
+use super::{Coarse, reached};
 use crate::math::{Bounds, DAffine3, DVec3, Ray};
 
 /// Voxels placed in the scene: a density, or a temperature.
@@ -175,30 +175,17 @@ impl Grid {
         found
     }
 
-    /// Where in a cell the depth since its start reaches `target`: Newton's method, kept between bounds.
+    /// Where in a cell the depth since its start reaches `target`.
     /// Simpson's rule is exact on any part of a cell, where the density is a cubic.
     pub fn within(&self, ray: &Ray, cell: &Cell, target: f64) -> f64 {
         let start = cell.rho_a as f64;
         if cell.is_constant() {
             return (cell.ta + target / start).min(cell.tb);
         }
-        let (mut low, mut high) = (cell.ta, cell.tb);
-        let mut t = cell.ta + (cell.tb - cell.ta) * (target / cell.integral()).clamp(0.0, 1.0);
-        for _ in 0..60 {
+        reached((cell.ta, cell.tb), target / cell.integral(), target, |t| {
             let density = self.at(ray.at(t));
             let middle = self.at(ray.at(0.5 * (cell.ta + t)));
-            let error = (t - cell.ta) * (start + 4.0 * middle + density) / 6.0 - target;
-            if error.abs() <= 1e-7 * target {
-                break;
-            }
-            if error > 0.0 {
-                high = t
-            } else {
-                low = t
-            }
-            let next = t - error / density;
-            t = if next > low && next < high { next } else { 0.5 * (low + high) };
-        }
-        t
+            ((t - cell.ta) * (start + 4.0 * middle + density) / 6.0, density)
+        })
     }
 }

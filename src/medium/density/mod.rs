@@ -197,6 +197,28 @@ impl Density {
     }
 }
 
+/// Where between `low` and `high` a depth reaches `target`: Newton's method from a `share` of the way on, kept between bounds. `told` is the
+/// depth up to a place, and the density there.
+#[inline(always)]
+fn reached((mut low, mut high): (f64, f64), share: f64, target: f64, told: impl Fn(f64) -> (f64, f64)) -> f64 {
+    let mut t = low + (high - low) * share.clamp(0.0, 1.0);
+    for _ in 0..60 {
+        let (depth, density) = told(t);
+        let error = depth - target;
+        if error.abs() <= 1e-7 * target {
+            break;
+        }
+        if error > 0.0 {
+            high = t
+        } else {
+            low = t
+        }
+        let next = t - error / density;
+        t = if next > low && next < high { next } else { 0.5 * (low + high) };
+    }
+    t
+}
+
 /// Calls `knot` at evenly spaced places with what `known` tells there: a depth and a density.
 fn spaced((t0, t1): (f64, f64), known: impl Fn(f64) -> (f64, f64), mut knot: impl FnMut(f64, f64, f64)) {
     for i in 1..=KNOTS {

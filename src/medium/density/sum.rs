@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use smallvec::SmallVec;
 
 use super::bricks::Cell;
-use super::{Density, Grid, KNOTS, spaced};
+use super::{Density, Grid, KNOTS, reached, spaced};
 use crate::math::{Bounds, DAffine3, DVec3, Ray};
 
 /// A weighted sum of densities, ρ = Σ w_i ρ_i.
@@ -279,9 +279,9 @@ impl Sum {
         found
     }
 
-    /// Where in a piece the depth since its start reaches `target`: Newton's method, kept between bounds.
+    /// Where in a piece the depth since its start reaches `target`.
     fn within(&self, ray: &Ray, piece: &Piece, target: f64) -> f64 {
-        let (mut low, mut high) = (piece.ta, piece.tb);
+        let (low, mut high) = (piece.ta, piece.tb);
         if high.is_infinite() {
             let mut length = 1.0;
             while self.depth_in(ray, piece, low + length) < target && length < f64::MAX.sqrt() {
@@ -290,21 +290,7 @@ impl Sum {
             high = low + length;
         }
         let share = if piece.tb.is_finite() { target / piece.depth } else { 0.5 };
-        let mut t = low + (high - low) * share.clamp(0.0, 1.0);
-        for _ in 0..60 {
-            let error = self.depth_in(ray, piece, t) - target;
-            if error.abs() <= 1e-7 * target {
-                break;
-            }
-            if error > 0.0 {
-                high = t
-            } else {
-                low = t
-            }
-            let next = t - error / self.at(ray.at(t));
-            t = if next > low && next < high { next } else { 0.5 * (low + high) };
-        }
-        t
+        reached((low, high), share, target, |t| (self.depth_in(ray, piece, t), self.at(ray.at(t))))
     }
 
     /// See [`Density::has_cells`].
