@@ -9,7 +9,7 @@
 use std::process::Command;
 use std::sync::atomic::AtomicBool;
 
-use volpm::compare::peak_bytes;
+use volpm::compare::{cpu_seconds, peak_bytes};
 use volpm::render::{Camera, Forced, Limits, Plan, Silent, refine_planned};
 use volpm::scene;
 
@@ -119,14 +119,6 @@ fn render((forced, (_, overrides)): (&[Forced], Case), forces: bool) -> Outcome<
     })?;
     let stats = &rendering.stats;
     let bytes = stats.map_bytes + stats.surface_bytes + limits.film_bytes(&settings, 1);
-    println!("{} {} {bytes}", cpu_seconds(), peak_bytes().unwrap_or(0));
+    println!("{} {} {bytes}", cpu_seconds().unwrap_or(0.0), peak_bytes().unwrap_or(0));
     Ok(())
-}
-
-/// Seconds that this process has computed.
-fn cpu_seconds() -> f64 {
-    let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
-    // SAFETY: the clock is one that every process has, and the time is ours.
-    unsafe { libc::clock_gettime(libc::CLOCK_PROCESS_CPUTIME_ID, &mut time) };
-    time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
 }

@@ -1,6 +1,7 @@
 //! Paths from the eye, photons, and paths from lights find the same light, on a dozen scenes that all three can do: with textures,
 //! normal maps, coats, metals, rough glass and fog, seen from outside the fog or by a lens.
 
+use volpm::compare::cpu_seconds;
 use volpm::image::Image;
 
 use crate::support::{Effort, Estimate, built, chosen};
@@ -184,9 +185,9 @@ fn compare(effort: impl Fn(&str) -> Effort, photons: u32, precise: f64, tells: b
             assert!(!warnings.iter().any(|warning| warning.contains("does not see")), "{name}: {warnings:?}");
             let whole = |image: &Image| means(image)[4];
             let known = |images: &[Image]| Estimate::over(images, whole).is_within(|mean| precise * mean);
-            let start = seconds();
+            let start = cpu_seconds();
             let images = effort(&format!("{name} {method}")).images(&text, &all, known);
-            let spent = seconds() - start;
+            let spent = cpu_seconds().zip(start).map_or(0.0, |(now, start)| now - start);
             let blocks: Vec<Vec<[f64; 3]>> = images.iter().map(means).collect();
             let estimates: Vec<Estimate> = (0..5).map(|block| Estimate::over(&blocks, |seed| seed[block])).collect();
             let Estimate { mean, standard_error } = estimates[4];
@@ -216,13 +217,6 @@ fn compare(effort: impl Fn(&str) -> Effort, photons: u32, precise: f64, tells: b
         }
     }
     assert!(failed.is_empty(), "{}", failed.join("\n"));
-}
-
-/// Of the processor, spent by this process.
-fn seconds() -> f64 {
-    let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
-    unsafe { libc::clock_gettime(libc::CLOCK_PROCESS_CPUTIME_ID, &mut time) };
-    time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
 }
 
 #[test]

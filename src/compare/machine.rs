@@ -46,7 +46,7 @@ pub fn forget_peak() -> bool {
     fs::write("/proc/self/clear_refs", "5").is_ok()
 }
 
-/// Seconds that all threads of the process have computed, to a hundredth.
+/// Seconds that all threads of the process have computed, to a hundredth; `None` where the system does not tell that.
 pub fn cpu_seconds() -> Option<f64> {
     let stat = fs::read_to_string("/proc/self/stat").ok()?;
     // The name in parentheses may hold anything; user and system time are fields 14 and 15, in ticks of 10 ms.

@@ -28,8 +28,7 @@ use std::sync::atomic::AtomicBool;
 
 use crate::{Error, Result};
 
-pub(crate) use machine::cpu_seconds;
-pub use machine::{peak_bytes, resident_bytes};
+pub use machine::{cpu_seconds, peak_bytes, resident_bytes};
 pub use request::Request;
 pub use results::Results;
 pub use variant::parse as parse_variants;
