@@ -26,7 +26,7 @@ pub fn numbered(path: &Path, frame: u32) -> PathBuf {
 
 /// Whether a file has a name of its own for each frame.
 fn varies(path: &Path) -> bool {
-    path.file_name().is_some_and(|name| name.to_string_lossy().contains(PLACE))
+    numbered(path, 0) != path
 }
 
 /// The scene of a frame.

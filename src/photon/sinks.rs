@@ -138,7 +138,7 @@ pub(crate) fn leaves_out_deep(scene: &Scene, medium: u32) -> bool {
 pub(super) struct Place {
     /// The point.
     pub point: DVec3,
-    /// The unit direction of arrival.
+    /// What is kept of the direction of arrival, by `Phases::kept`.
     pub direction: DVec3,
     /// The region.
     pub region: u32,
@@ -168,20 +168,24 @@ impl VolumeSink {
         stream: &mut Stream,
     ) {
         let wanted = quota.wants(history) && power.max_element() > 0.0;
-        let place = Place { point: at.point, direction: at.direction, region: quota.scene.region(at.inside), events };
+        // By what tells its phase function.
+        let kept = |stream: &mut Stream| {
+            let (direction, factor) = at.medium.phase.kept(at.point, at.direction, stream);
+            (Place { point: at.point, direction, region: quota.scene.region(at.inside), events }, factor)
+        };
         if let Some(extinction) = quota.deep[at.index as usize] {
             let least = || quota.scene.least_clearance(at.inside, at.point);
-            let (direction, factor) = at.medium.phase.kept(at.point, at.direction, stream);
+            let (place, factor) = kept(stream);
             let power = if wanted { power * factor } else { Rgb::ZERO };
-            return self.deposit_deep(quota, &Place { direction, ..place }, extinction, least, power, stream);
+            return self.deposit_deep(quota, &place, extinction, least, power, stream);
         }
         let mut keep = quota.keep;
         if let Some(importance) = quota.importance.as_ref().filter(|_| wanted) {
             keep *= importance.keep(at.point.as_vec3());
         }
         if wanted && (keep >= 1.0 || stream.uniform() < keep) {
-            let (direction, factor) = at.medium.phase.kept(at.point, at.direction, stream);
-            self.store(quota, &Place { direction, ..place }, power / keep * factor);
+            let (place, factor) = kept(stream);
+            self.store(quota, &place, power / keep * factor);
         }
     }
 
