@@ -138,6 +138,18 @@ impl Geometry {
         });
     }
 
+    /// How far the nearest hit lies with `t_min < t < t_max` for which `counts` holds; `t_max` if there is none.
+    pub fn nearest_where(&self, ray: &Ray, t_min: f64, t_max: f64, counts: impl Fn(&Hit) -> bool) -> f64 {
+        let mut nearest = t_max;
+        self.crossings(ray, t_min, t_max, |crossing| {
+            if crossing.t < nearest && counts(&self.hit(ray, &crossing)) {
+                nearest = crossing.t;
+            }
+            nearest
+        });
+        nearest
+    }
+
     /// Whether the ray meets, with `t_min < t < t_max`, a shape for whose id `blocks` holds.
     pub fn occluded(&self, ray: &Ray, t_min: f64, t_max: f64, blocks: impl Fn(u32) -> bool) -> bool {
         let mut blocked = false;

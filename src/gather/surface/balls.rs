@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use rayon::prelude::*;
 
-use super::cut::{CLOSE, Cutting, Disc, Place, cutting, stray};
+use super::cut::{CLOSE, Cutting, Disc, Place, Ways, cutting, stray};
 use crate::math::{DVec3, Rgb, Stream};
 use crate::photon::sheets::{FACING, FLATTENED};
 use crate::photon::simd::LANES;
@@ -21,8 +21,8 @@ pub(super) struct Balls {
     checks: bool,
     /// Which photons they are.
     kind: Kind,
-    /// By block, whether the discs around may be cut.
-    cut: Vec<bool>,
+    /// By block, what may cut the discs around.
+    cuts: Vec<Cutting>,
 }
 
 impl Balls {
@@ -34,14 +34,14 @@ impl Balls {
         scale: f32,
     ) -> Self {
         let map = PointMap::on_surfaces(photons, ball, scale);
-        let mut balls = Balls { map, checks, kind, cut: Vec::new() };
-        balls.cut = (0..balls.map.events.len()).into_par_iter().map(|block| balls.may_cut(scene, block)).collect();
+        let mut balls = Balls { map, checks, kind, cuts: Vec::new() };
+        balls.cuts = (0..balls.map.events.len()).into_par_iter().map(|block| balls.cutting(scene, block)).collect();
         balls
     }
 
     /// Memory taken, in bytes.
     pub(super) fn bytes(&self) -> usize {
-        self.map.bytes() + size_of_val(&*self.cut)
+        self.map.bytes() + size_of_val(&*self.cuts)
     }
 
     /// The irradiance of a place where a photon landed, as its shading normal sees it, the radius over which it is an average, and
@@ -111,17 +111,24 @@ impl Balls {
         let close = came < CLOSE * radius;
         let one = close.then(|| self.apart(scene, place, squared, memory)).flatten();
         let is_one = one.is_some();
-        let cut = is_one || lanes().any(|(block, lane)| self.cut[block] && counts(block, lane, squared).is_some());
-        let disc = one.or_else(|| cut.then(|| Disc::new(scene, place, radius, stream.uniform())));
+        let cutting = match one {
+            Some(_) => Cutting { walls: true, edges: true },
+            None => self.cutting_around(memory, |block, lane| counts(block, lane, squared).is_some()),
+        };
+        let disc = one.or_else(|| cutting.any().then(|| Disc::new(place, radius, stream.uniform())));
+        let ways = disc.as_ref().filter(|_| !is_one).map(|disc| match cutting.walls {
+            true => disc.ways(scene, place),
+            false => Ways::all_free(radius),
+        });
 
         let mut found = false;
         for (block, lane) in lanes() {
             let Some((offset, distance, facing)) = counts(block, lane, squared) else { continue };
             let (direction, power) = self.map.loads[block].of(lane);
-            let reached = || match &disc {
-                None => true,
-                Some(disc) if is_one => disc.is_joined(scene, place, offset.as_dvec3()),
-                Some(disc) => disc.reaches(scene, place, offset.as_dvec3()),
+            let reached = || match (&disc, &ways) {
+                (Some(disc), Some(ways)) => disc.reaches(scene, place, ways, offset.as_dvec3()),
+                (Some(disc), None) => disc.is_joined(scene, place, offset.as_dvec3()),
+                (None, _) => true,
             };
             if -direction.dot(place.normal) <= 0.0 || !reached() {
                 continue;
@@ -131,8 +138,24 @@ impl Balls {
             let weight = f64::from(filter.weight(distance / squared) * facing);
             photon(stream, -direction, power * weight);
         }
-        let share = |disc: &Disc| disc.share(scene, place, (filter, self.kind), true);
-        found.then(|| (PI * radius * radius * disc.as_ref().map_or(1.0, share), cut))
+        let share = || match (&disc, &ways) {
+            (Some(_), Some(ways)) if !cutting.edges => ways.share(filter),
+            (Some(disc), ways) => disc.share(scene, place, ways.as_ref(), (filter, self.kind)),
+            (None, _) => 1.0,
+        };
+        found.then(|| (PI * radius * radius * share(), cutting.any()))
+    }
+
+    /// What may cut the disc on which those photons lie that count.
+    fn cutting_around(&self, memory: &PointMemory, counts: impl Fn(usize, usize) -> bool) -> Cutting {
+        let mut cutting = Cutting::default();
+        for &block in memory.blocks() {
+            let (block, more) = (block as usize, cutting.or(self.cuts[block as usize]));
+            if more != cutting && (0..LANES).any(|lane| counts(block, lane)) {
+                cutting = more;
+            }
+        }
+        cutting
     }
 
     /// The disc around a place whose photons are to be of one surface, if not all of those within a squared radius are: if the one that strays
@@ -151,14 +174,13 @@ impl Balls {
         (!disc.is_joined(scene, place, offset.as_dvec3())).then_some(disc)
     }
 
-    /// Whether the discs around one photon of a block may be cut, by what probes on a wider rim say.
-    fn may_cut(&self, scene: &Scene, block: usize) -> bool {
+    /// What may cut the discs around one photon of a block, by what probes on a wider rim say.
+    fn cutting(&self, scene: &Scene, block: usize) -> Cutting {
         let point = self.map.place(block, 0);
         let mut memory = PointMemory::default();
         let radius = f64::from(1.25 * self.map.look_up(point, &mut memory).sqrt() + self.map.half(block));
         let normal = self.map.normals[block][0].unpacked().as_dvec3();
-        let Cutting { walls, edges } = cutting(scene, Place { point: point.as_dvec3(), normal }, radius, self.kind);
-        walls || edges
+        cutting(scene, Place { point: point.as_dvec3(), normal }, radius, self.kind)
     }
 }
 

@@ -4,6 +4,8 @@ mod balls;
 mod cut;
 mod sheets;
 
+use std::f64::consts::PI;
+
 use rayon::prelude::*;
 
 use self::balls::Balls;
@@ -62,6 +64,9 @@ pub enum Reach {
 /// longer to find.
 const PILOT: u32 = 4;
 
+/// Of the Gaussian filter: Jensen's (2001, Eq. 7.10) β.
+const BETA: f64 = 1.953;
+
 impl SurfaceFilter {
     /// k(x), of which the mean over the unit disc is 1: what a photon counts at distance x of the radius.
     fn weight(self, squared: f32) -> f32 {
@@ -69,14 +74,28 @@ impl SurfaceFilter {
             SurfaceFilter::None => 1.0,
             SurfaceFilter::Cone => 3.0 * (1.0 - squared.sqrt()),
             SurfaceFilter::Gaussian => {
-                // As Jensen's (2001, Eq. 7.10) with β = 1.953, which falls to 0 at the rim; his α = 0.918 lets the mean be 0.7 % off.
-                const BETA: f32 = 1.953;
-                let rest = 1.0 - (-BETA).exp();
-                let mean = 1.0 - (1.0 - (1.0 - (-0.5 * BETA).exp()) / (0.5 * BETA)) / rest;
-                (1.0 - (1.0 - (-0.5 * BETA * squared).exp()) / rest).max(0.0) / mean
+                // Jensen's falls to 0 at the rim; his α = 0.918 lets the mean be 0.7 % off.
+                let rest = 1.0 - (-BETA as f32).exp();
+                let fallen = 1.0 - (-0.5 * BETA as f32 * squared).exp();
+                (1.0 - fallen / rest).max(0.0) / gaussian_within(1.0) as f32
             }
         }
     }
+
+    /// ∫₀^{x²} k(√s) ds, the share of the disc's weight within distance x of the radius: 1 at its rim.
+    fn within(self, squared: f64) -> f64 {
+        match self {
+            SurfaceFilter::None => squared,
+            SurfaceFilter::Cone => squared * (3.0 - 2.0 * squared.sqrt()),
+            SurfaceFilter::Gaussian => gaussian_within(squared) / gaussian_within(1.0),
+        }
+    }
+}
+
+/// The integral over [0, `squared`] of 1 − (1 − e^{−βs/2})/(1 − e^{−β}).
+fn gaussian_within(squared: f64) -> f64 {
+    let fallen = squared - (1.0 - (-0.5 * BETA * squared).exp()) / (0.5 * BETA);
+    squared - fallen / (1.0 - (-BETA).exp())
 }
 
 impl SurfaceMap {
@@ -153,14 +172,18 @@ impl SurfaceMap {
     ) -> Rgb {
         let place = Place { point: at.point, normal: at.incidence.normal };
         let (vertex, shading_normal) = (Vertex::Surface(at), at.incidence.shading_normal);
-        let is_lambertian = at.bsdf.lambertian().is_some();
+        let lambertian = at.bsdf.lambertian();
         let mut sum = Rgb::ZERO;
         let mut send = |stream: &mut Stream, from: DVec3, power: Rgb| {
             // Powers on Lambertian surfaces are as the shading normal sees them: elsewhere it is this one that counts.
-            let cos = from.dot(if is_lambertian { shading_normal } else { place.normal });
-            if cos > 0.0 {
-                let part = |power: Rgb, sent: Scattering| sum += power * sent.value;
-                vertex.toward(from, Side::Eye, false, power / cos, stream, part);
+            let cos = from.dot(if lambertian.is_some() { shading_normal } else { place.normal });
+            match lambertian {
+                Some(reflectance) if cos > 0.0 => sum += power * reflectance / PI,
+                None if cos > 0.0 => {
+                    let part = |power: Rgb, sent: Scattering| sum += power * sent.value;
+                    vertex.toward(from, Side::Eye, false, power / cos, stream, part);
+                }
+                _ => {}
             }
         };
         // To follow every photon between facets or layers is most of the time of a picture with a rough varnish.
@@ -218,6 +241,9 @@ mod tests {
             assert!(weights.clone().all(|weight| weight >= 0.0));
             let mean = weights.sum::<f64>() / N as f64;
             assert!((mean - 1.0).abs() < 1e-4, "{filter:?}: {mean}");
+            let within =
+                (0..N / 4).map(|i| f64::from(filter.weight((i as f32 + 0.5) / N as f32))).sum::<f64>() / N as f64;
+            assert!((filter.within(0.25) - within).abs() < 1e-4, "{filter:?}: {within}");
         }
     }
 }

@@ -73,8 +73,13 @@ impl Sheets {
                 return WHOLE;
             }
             let place = self.place(block, lane);
-            let disc = Disc::new(scene, place, radius, turn(block, lane));
-            (disc.share(scene, place, (self.filter, self.kind), edges), disc.free())
+            let disc = Disc::new(place, radius, turn(block, lane));
+            let ways = disc.ways(scene, place);
+            let share = match edges {
+                true => disc.share(scene, place, Some(&ways), (self.filter, self.kind)),
+                false => ways.share(self.filter),
+            };
+            (share, ways.free())
         };
         let cuts = std::array::from_fn(of);
         (cuts != [WHOLE; LANES]).then_some(cuts)
@@ -157,8 +162,8 @@ impl Sheets {
             let free = self.free.get(block).map_or(ALL_FREE, |free| free[lane]);
             if free != ALL_FREE {
                 let place = self.place(block, lane);
-                let disc = Disc::known(place, square.sqrt().into(), turn(block, lane), free);
-                if !disc.reaches(scene, place, offset.as_dvec3()) {
+                let (disc, offset) = (Disc::new(place, square.sqrt().into(), turn(block, lane)), offset.as_dvec3());
+                if free >> disc.sector(offset) & 1 == 0 && !disc.leads_to(scene, place, offset) {
                     continue;
                 }
             }
