@@ -63,6 +63,8 @@ const FLATTENED: f64 = 0.3;
 const LEAST_HELD: f64 = 1e-6;
 /// As far as so many times where they count, records yield to what others say.
 const REACH: f64 = 1.5;
+/// What is seen lower than at this cosine is taken to be seen at it: at the rim of what is curved, no pixel sees as far as its tangent plane says.
+const LOWEST_VIEW: f64 = 0.125;
 /// What is at infinity is at this many times the largest radius for the mesh.
 const FAR: f64 = 1e3;
 
@@ -78,7 +80,7 @@ pub struct Limits {
 impl Limits {
     /// What is seen of a surface with this normal along `view` by a cone so wide: the lower it is looked at, the longer.
     pub fn seen(width: f64, normal: DVec3, view: DVec3, most: f64) -> Limits {
-        let cos = view.dot(normal).abs();
+        let cos = view.dot(normal).abs().max(LOWEST_VIEW);
         let along = (view - view.dot(normal) * normal).try_normalize().unwrap_or(Frame::around(normal).x);
         let [length, width] = [width / cos, width].map(|radius| if radius < most { radius } else { most });
         Limits { least: [length * along, width * normal.cross(along)], most }
@@ -494,6 +496,21 @@ mod tests {
         let middle = (small[0] + small[1] + small[2]) / 3.0;
         let expected = 0.5 * 0.01 * 0.01 * middle.z * middle.z / middle.length_squared().powi(2);
         assert!((seen(small)[0].abs() / expected - 1.0).abs() < 1e-4);
+    }
+
+    /// What a pixel sees along its view is as long as its tangent plane says, but where it only just sees it, at the rim of what is curved: a record
+    /// there told of all that faces the same way.
+    #[test]
+    fn records_at_rims_stay_there() {
+        let length = |cos: f64| {
+            let view = DVec3::new((1.0 - cos * cos).sqrt(), 0.0, -cos);
+            let limits = Limits::seen(0.1, DVec3::Z, view, 100.0);
+            assert!((limits.least_along(DVec3::Y) - 0.1).abs() < 1e-12);
+            limits.least_along(DVec3::X)
+        };
+        for (cos, expected) in [(1.0, 0.1), (0.5, 0.2), (0.2, 0.5), (1e-3, 0.8), (0.0, 0.8)] {
+            assert!((length(cos) - expected).abs() < 1e-12, "{cos}: {}", length(cos));
+        }
     }
 
     /// Below a small lamp in even light, E = π (L sin² α cos θ + L₀): on average by rays of which some go where photons came from, whatever
