@@ -3,6 +3,7 @@
 use std::sync::atomic::AtomicBool;
 
 use volpm::render::{Forced, Forecast, Limits, Rendering, Silent, choose, refine, render};
+use volpm::scene::description::Method;
 
 use crate::support::built;
 
@@ -184,5 +185,43 @@ fn what_is_forced_changes_no_light() {
         let bytes = forecast.bytes.volume_map + forecast.bytes.surface_maps;
         let found = with.stats.map_bytes + with.stats.surface_bytes;
         assert!(bytes.abs_diff(found) as f64 <= 0.2 * found as f64, "{forced}: {bytes} told, {found} found");
+    }
+}
+
+/// Air without an end under a sun is left to paths where few photons would come near, or where the camera sees farther than they are traced; who
+/// asks for photons is told. Fog no wider than the scene is left to photons.
+#[test]
+fn air_without_an_end_is_left_to_paths() {
+    let air = |sigma: f64, height: f64, camera: &str| {
+        format!(
+            "[film]\nwidth = 24\nheight = 16\n[camera]\n{camera}\n\
+             [media.air]\nsigma_s = {sigma}\nsigma_a = {}\ndensity = {{ type = \"exponential\", scale_height = {height} }}\n\
+             [world]\nmedium = \"air\"\n\
+             [materials.white]\ntype = \"lambert\"\nreflectance = 0.5\n\
+             [[shapes]]\ntype = \"box\"\nmin = [-20, -1, -20]\nmax = [20, 0, 20]\nmaterial = \"white\"\n\
+             [[lights]]\ntype = \"directional\"\ndirection = [1, -1, 0]\nirradiance = 3\n",
+            0.1 * sigma
+        )
+    };
+    let down = "position = [0, 30, 10]\ntarget = [0, 0, 0]";
+    let far = "position = [0, 12, 10]\ntarget = [0, 11, 0]";
+    for (sigma, height, camera, why) in
+        [(0.02, 4.0, down, Some("times as wide")), (0.5, 1.0, far, Some("farther away")), (0.5, 1.0, down, None)]
+    {
+        let told = |automatic: bool| {
+            let text = air(sigma, height, camera);
+            let (scene, mut settings) = built(&text, &["render.samples=1", "photons.volume=2000"]);
+            if automatic {
+                settings.render.automatic = true;
+                return choose(&scene, &settings).unwrap().expect("is left to the plan").why;
+            }
+            settings.render.method = Method::Photon;
+            let stop = AtomicBool::new(false);
+            render(&scene, &settings, &Silent, &stop).unwrap().warnings.join("\n")
+        };
+        for told in [told(true), told(false)] {
+            let is_told = told.contains("times as wide") || told.contains("farther away");
+            assert!(why.map_or(!is_told, |why| told.contains(why)), "{sigma}, {camera}: {told}");
+        }
     }
 }

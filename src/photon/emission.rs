@@ -45,6 +45,8 @@ pub struct Sources<'s> {
     shares: Distribution,
     /// Where photons are aimed at: the spheres around solids, then wider ones; none while they are not.
     targets: Targets,
+    /// Whether only those are aimed that come from infinity.
+    from_infinity: bool,
 }
 
 /// The share of photons that are aimed at the spheres around solids, once photons are.
@@ -119,7 +121,7 @@ impl<'s> Sources<'s> {
         }
         let shares = Distribution::new(powers);
         let sources = if shares.is_empty() { Vec::new() } else { sources };
-        Sources { scene, sources, shares, targets: Targets::none() }
+        Sources { scene, sources, shares, targets: Targets::none(), from_infinity: false }
     }
 
     /// Aims most photons at the solids whose medium scatters, as those that miss are seldom stored; the light is the
@@ -132,6 +134,21 @@ impl<'s> Sources<'s> {
         let solids = self.scene.solids.iter().filter(|solid| scatters(solid.medium));
         let closest = solids.map(|solid| Target::around(self.scene.geometry.bounds(solid.shape))).collect();
         self.targets = Targets::with_wider(closest, self.scene.surroundings.radius, [CLOSEST, AROUND]);
+    }
+
+    /// Aims most photons that come from infinity at what is near, and at wider spheres around it, where the air of the world reaches much farther:
+    /// one in thousands would come near. The light is the same. Returns whether it does.
+    pub fn aim_through_air(&mut self) -> bool {
+        let scene = self.scene;
+        self.from_infinity = scene.has_wide_air();
+        if self.from_infinity {
+            self.targets = Targets::with_wider(
+                vec![Target::around(scene.near_bounds())],
+                scene.surroundings.radius,
+                [CLOSEST, AROUND],
+            );
+        }
+        self.from_infinity
     }
 
     /// Aims nearly all photons at the surfaces for which `wanted` holds: at each, if there are no more than `most`, else at
@@ -179,7 +196,8 @@ impl<'s> Sources<'s> {
     /// weighted by the density of the first over that of both together.
     fn redraw(&self, departure: Departure, stream: &mut Stream) -> Option<(Departure, Option<Aim>)> {
         let Departure { ray, power, spread } = departure;
-        if self.targets.is_empty() || spread == DrawnFrom::Other {
+        let aims = spread == DrawnFrom::Disc || spread != DrawnFrom::Other && !self.from_infinity;
+        if self.targets.is_empty() || !aims {
             return Some((departure, None));
         }
         let [which, place @ ..] = stream.draw(Dimension::Aim, |stream| [(); 3].map(|()| stream.uniform()));
@@ -338,4 +356,49 @@ fn inside_all(scene: &Scene, bounds: &Bounds) -> Option<Inside> {
         }
     });
     certain.then(|| Inside::of(around))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene;
+
+    /// Of photons from infinity that are traced through wide air many more come near than of those that are not aimed, and they bring the same light
+    /// there.
+    #[test]
+    fn photons_from_infinity_come_near_through_wide_air() {
+        let (scene, _) = scene::from_text(
+            "[camera]\nposition = [0, 1, 4]\ntarget = [0, 0, 0]\n\
+             [media.air]\nsigma_s = 0.2\nsigma_a = 0.05\ndensity = { type = \"exponential\", scale_height = 2 }\n\
+             [world]\nmedium = \"air\"\n\
+             [materials.white]\ntype = \"lambert\"\nreflectance = 0.5\n\
+             [[shapes]]\ntype = \"sphere\"\ncenter = [0, 0, 0]\nradius = 1\nmaterial = \"white\"\n\
+             [[lights]]\ntype = \"environment\"\nradiance = 1\n\
+             [[lights]]\ntype = \"directional\"\ndirection = [1, -1, 0]\nirradiance = 3\n",
+        );
+        assert!(scene.has_wide_air(), "{}", scene.width_of_air());
+        const PHOTONS: u64 = 400_000;
+        let near = Target::around(scene.near_bounds());
+        // How many come near, the power that they bring, and the variance of that.
+        let bring = |sources: &Sources<'_>, pass: u64| {
+            let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
+            for photon in 0..PHOTONS {
+                let mut stream = Stream::new(5, Purpose::Test, photon, pass);
+                let Some(start) = sources.start(&mut stream) else { continue };
+                let offset = start.ray.origin - near.center;
+                if offset.cross(start.ray.direction).length() < near.radius {
+                    let power = start.power.element_sum() / PHOTONS as f64;
+                    (count, sum, squares) = (count + 1.0, sum + power, squares + power * power);
+                }
+            }
+            (count / PHOTONS as f64, sum, squares)
+        };
+        let mut sources = Sources::new(&scene);
+        let (few, plain, plain_variance) = bring(&sources, 0);
+        assert!(sources.aim_through_air());
+        let (many, aimed, aimed_variance) = bring(&sources, 1);
+        assert!(many > 50.0 * few, "{few}, {many}");
+        assert!((aimed - plain).abs() < 4.0 * (plain_variance + aimed_variance).sqrt(), "{aimed}, not {plain}");
+        assert!(aimed_variance < 0.05 * plain_variance, "{aimed_variance}, {plain_variance}");
+    }
 }

@@ -94,7 +94,9 @@ pub(super) fn prepare(tracer: &mut Tracer<'_>, stop: &(impl Fn() -> bool + Sync)
 
     // Aimed.
     let aims = tracer.pass.emission.aims;
-    if aims && found.collided < SELDOM {
+    if aims && tracer.sources.aim_through_air() {
+        found = count(tracer, few);
+    } else if aims && found.collided < SELDOM {
         tracer.sources.aim();
         tracer.quota.notes = true;
         tracer.typical = median(run(tracer, few).into_iter().flat_map(|chunk| chunk.volume.powers).collect());

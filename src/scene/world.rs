@@ -60,6 +60,9 @@ pub struct Scene {
     pub warnings: Vec<String>,
 }
 
+/// Air is wide that is so many times as wide as what is near.
+const WIDE_AIR: f64 = 2.0;
+
 /// What a placed shape is made of.
 #[derive(Clone, Copy, Debug)]
 pub struct Surface {
@@ -305,6 +308,20 @@ impl Scene {
         let shapes = 0..self.surfaces.len() as u32;
         let near = shapes.filter(|&shape| self.is_near(shape)).map(|shape| self.geometry.bounds(shape));
         self.bounds_with(near.fold(Bounds::EMPTY, Bounds::union), self.near)
+    }
+
+    /// How many times as wide as what is near the [surroundings](Scene::surroundings) are that light from infinity reaches, if the world's medium scatters it
+    /// on its way; 0 if it does not.
+    pub fn width_of_air(&self) -> f64 {
+        let scatters = self.world.is_some_and(|world| self.media[world as usize].scatters());
+        let near = 0.5 * self.near_bounds().diagonal();
+        let lit = scatters && near > 0.0 && !self.emitters.infinite().is_empty();
+        if lit { self.surroundings.radius / near } else { 0.0 }
+    }
+
+    /// Whether that is so wide that few photons from infinity come near: one in four, or fewer.
+    pub fn has_wide_air(&self) -> bool {
+        self.width_of_air() > WIDE_AIR
     }
 
     /// Whether a shape is no larger than what is near, and does not lie beyond it.
