@@ -1,7 +1,7 @@
 use super::fresnel::mean_transmittance;
 use super::ggx::MOST_FACETS;
 use super::rough::Rough;
-use super::{Dielectric, Incidence, Lobe, Nature, Parameter, Scattering, Schlick, fresnel};
+use super::{Dielectric, Incidence, Lobe, Nature, Parameter, Scattering, Schlick, fresnel, transmittance};
 use crate::math::{DVec3, Rgb, Stream};
 
 /// What lies over the base of a [`Coated`](super::Coated) surface, without thickness. Directions are in coordinates whose z points out of it.
@@ -59,6 +59,11 @@ impl Varnish {
         if outside != self.outside {
             (self.outside, self.passes) = (outside, mean_transmittance(self.index, outside));
         }
+    }
+
+    /// The parts that pass it from outside of light from an angle of this cosine and of diffuse light, where they are known.
+    pub(super) fn passed(&self, cos: f64) -> Option<(f64, f64)> {
+        transmittance::passed(cos, self.roughness, self.index / self.outside)
     }
 
     /// The indices on the side of arrival and beyond.

@@ -1,7 +1,7 @@
-use super::coat::{Coat, Crossed, flipped, met};
+use super::coat::{Coat, Crossed, Varnish, flipped, met};
 use super::ggx::Ggx;
 use super::glaze::Glaze;
-use super::lambert::cosine_density;
+use super::lambert::{cosine, cosine_density};
 use super::{Drawn, Incidence, Lobe, Mirror, Nature, Reflector, Scattering};
 use crate::math::{DVec3, Rgb, Stream};
 
@@ -14,7 +14,8 @@ use crate::math::{DVec3, Rgb, Stream};
 ///
 /// What goes along `o` is asked for at the base, by the way that light from there would take back into the coat:
 /// ∫ f_b(i′→o′) v(o′→o) dω′ = E[w f_b(i′→o′)] cos θ_o (n₁/n₂)², with o′ drawn by the walk from o into the coat, and w its weight; bases that
-/// are narrower than the coat are drawn from, and the coat's facets asked instead. Where both coat and base reflect shares a and b
+/// are narrower than the coat are drawn from, and the coat's facets asked instead. A Lambertian base under a rough dielectric sends what the coat lets pass
+/// evenly, and what passes is [tabulated](super::transmittance): f(i→o) = T(i) T(o) (n₁/n₂)² ρ / (π (1 − ρ (1 − T̄))), beside what the coat reflects. Where both coat and base reflect shares a and b
 /// of light specularly, what is on its way out goes to and fro between them: 1 + ab + (ab)² + … = 1/(1 − ab) times. A smooth dielectric
 /// over a Lambertian base needs no walk: its sum is known in closed form.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -43,6 +44,27 @@ impl Coated {
             }
             _ => None,
         }
+    }
+
+    /// A Lambertian base's reflectance, and the rough dielectric over it.
+    fn varnish(&self) -> Option<(Rgb, &Varnish)> {
+        match (&self.base, &self.coat) {
+            (Reflector::Lambert(base), Coat::Dielectric(varnish)) if varnish.roughness > 0.0 => {
+                Some((base.reflectance, varnish))
+            }
+            _ => None,
+        }
+    }
+
+    /// What leaves along `out` of light that came to the base, in radiance for π of irradiance, with all that the coat returned and the part of light that
+    /// passes from along `out`: (T(o) (n₁/n₂)² ρ/(1 − ρ (1 − T̄)), T(o)). `None` where that is not known.
+    fn sent_by_base(&self, out: f64) -> Option<(Rgb, f64)> {
+        let (reflectance, varnish) = self.varnish()?;
+        let (passed, diffuse) = varnish.passed(out)?;
+        let spreads = self.coat.spreads();
+        // As much comes out of the denser side as went in.
+        let returned = reflectance / (Rgb::ONE - reflectance * (1.0 - spreads * diffuse));
+        Some((passed * spreads * returned, passed))
     }
 
     pub(super) fn is_walked(&self) -> bool {
@@ -119,6 +141,16 @@ impl Coated {
         let frame = at.frame();
         let (arriving, leaving) = (frame.to_local(at.direction), frame.to_local(o));
         if leaving.z <= 0.0 || arriving.z >= 0.0 || self.nature() == Nature::Specular {
+            return;
+        }
+
+        // What the base sends, where that is known, beside the coat.
+        if let Some((sent, _)) = self.sent_by_base(leaving.z)
+            && let Some((_, passed)) = self.sent_by_base(-arriving.z)
+        {
+            let cosine = cosine_density(DVec3::Z, leaving);
+            part(weight, Scattering { value: sent * (passed * cosine), ahead: Rgb::splat(cosine) });
+            self.coat.cross(Some(self.passing(at)), arriving, &mut weight, stream, Some(leaving), part);
             return;
         }
 
@@ -227,6 +259,14 @@ impl Coated {
         };
         if !through {
             return leaves(travel, factor, density);
+        }
+
+        // The base, where it is known what leaves.
+        if self.varnish().is_some() {
+            let (direction, density) = cosine(DVec3::Z, stream);
+            if let Some((sent, _)) = self.sent_by_base(direction.z) {
+                return leaves(direction, factor * sent, density);
+            }
         }
 
         // Between base and coat.

@@ -31,6 +31,7 @@ mod schlick;
 mod smooth;
 mod texture;
 mod thin;
+mod transmittance;
 
 pub use coat::{Coat, Varnish};
 pub use coated::Coated;
