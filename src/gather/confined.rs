@@ -51,8 +51,15 @@ impl Confines {
     pub fn possible(scene: &Scene) -> Confines {
         let mut sizes = vec![0.0f64; scene.regions as usize];
         sizes[scene.world_region as usize] = f64::INFINITY;
-        let hull =
-            |solid: u32| scene.geometry.hull(scene.solids[solid as usize].shape).filter(|_| is_whole(scene, solid));
+        let mut roles = vec![Role::Alone; scene.solids.len()];
+        for overlap in &scene.overlaps {
+            overlap.of.iter().for_each(|&solid| roles[solid as usize] = Role::Part);
+            roles[overlap.solid as usize] = Role::Overlap(&overlap.of);
+        }
+        let hull = |solid: u32| {
+            let hull = scene.geometry.hull(scene.solids[solid as usize].shape);
+            hull.filter(|_| is_whole(scene, solid, roles[solid as usize]))
+        };
         let hulls: Vec<Option<Hull>> = (0..scene.solids.len() as u32).into_par_iter().map(hull).collect();
         for (solid, hull) in scene.solids.iter().zip(&hulls) {
             let size = &mut sizes[solid.region as usize];
@@ -86,22 +93,41 @@ impl Confines {
     }
 }
 
+/// What a solid has to do with the overlaps of others.
+#[derive(Clone, Copy)]
+enum Role<'s> {
+    /// Nothing.
+    Alone,
+    /// It overlaps others, and media add up there.
+    Part,
+    /// It stands for that overlap of solids, in the shape of the smallest.
+    Overlap(&'s [u32]),
+}
+
 /// Whether a solid's photons may lie anywhere in it: nothing takes the place of a part of it, adds to it, or stands in it.
-fn is_whole(scene: &Scene, solid: u32) -> bool {
-    if scene.overlaps.iter().any(|overlap| overlap.solid == solid || overlap.of.contains(&solid)) {
-        return false;
-    }
+fn is_whole(scene: &Scene, solid: u32, role: Role) -> bool {
+    let region = |solid: u32| scene.solids[solid as usize].region;
+    // Solids are in order of their precedence; those of a region share their photons. Below the first whose medium does not add, none counts.
+    let (parts, lowest) = match role {
+        Role::Alone => (&[][..], Some(solid)),
+        Role::Part => return false,
+        Role::Overlap(of) => (of, of.last().copied().filter(|&last| !scene.solids[last as usize].adds)),
+    };
+    let yields = |other: u32| lowest.is_some_and(|lowest| other < lowest) || region(other) == region(solid);
     let shape = scene.solids[solid as usize].shape;
     let bounds = scene.geometry.bounds(shape);
     let mut whole = true;
     scene.geometry.boxes_overlapping(&bounds, |other| {
         whole = whole
-            && (other == shape || scene.geometry.contains_all(other, &bounds).is_some() || {
-                // Solids are in order of their precedence; those of a region share their photons.
+            && (other == shape || {
                 let surface = &scene.surfaces[other as usize];
-                let region = |solid: u32| scene.solids[solid as usize].region;
-                let yields = |other: u32| other < solid || region(other) == region(solid);
-                !surface.material.is_wall() && surface.solid.is_none_or(yields)
+                match scene.geometry.contains_all(other, &bounds) {
+                    Some(contains) => contains || surface.solid.is_none_or(|other| !parts.contains(&other)),
+                    None => {
+                        let yields = |other| !parts.contains(&other) && yields(other);
+                        !surface.material.is_wall() && surface.solid.is_none_or(yields)
+                    }
+                }
             });
     });
     whole

@@ -55,6 +55,26 @@ impl Profile {
         }
     }
 
+    /// The share of the disc's kernel within `s ≥ 0` of its centre, in units of the radius: 1 − (1 − s²)^{k + 1}.
+    pub fn disc_within(self, s: f64) -> f64 {
+        let q = (1.0 - s * s).max(0.0);
+        1.0 - match self {
+            Profile::Constant => q,
+            Profile::Epanechnikov => q * q,
+            Profile::Biweight => q * q * q,
+        }
+    }
+
+    /// How far from its centre the disc's kernel has this share, likewise: the inverse of [`Profile::disc_within`].
+    pub fn disc_distance(self, share: f32) -> f32 {
+        let power = match self {
+            Profile::Constant => 1.0,
+            Profile::Epanechnikov => 0.5,
+            Profile::Biweight => 1.0 / 3.0,
+        };
+        (1.0 - (1.0 - share).powf(power)).sqrt()
+    }
+
     /// The share of the disc's kernel on the near side of a line at distance `s ≥ 0` from its centre, in
     /// units of the radius: C(s) = ½ + C′(0) ∫₀ˢ (1 − x²)^{k + ½} dx, and 1 from s = 1 on.
     pub fn disc_share(self, s: f64) -> f64 {

@@ -9,7 +9,7 @@
 //! - `surfaces` are photons on surfaces: of caustics, and all; `shadows` those that tell where shadows are.
 //! - `store` puts photons in order, in blocks and under a tree; `discs` is the map for beam queries, `balls` that for point
 //!   queries, `sheets` that of photons on surfaces with radii of their own, with what they need of `radius`, [`kernel`],
-//!   [`walls`] and `uneven` densities.
+//!   [`walls`], solids that are `small` against discs, and `uneven` densities.
 //! - `simd` holds registers and sets of instructions.
 
 mod balls;
@@ -29,6 +29,7 @@ mod shadows;
 pub(crate) mod sheets;
 pub(crate) mod simd;
 mod sinks;
+pub mod small;
 pub(crate) mod store;
 mod surfaces;
 mod targets;

@@ -13,7 +13,6 @@ use std::f32::consts::PI;
 use rayon::prelude::*;
 
 use super::discs::{PhotonMap, WallLayer};
-use super::kernel::Profile;
 use super::store::photons_in;
 use crate::math::{DVec3, Vec3};
 
@@ -26,16 +25,9 @@ const GOLDEN: f32 = 0.763_932 * PI;
 impl PhotonMap {
     /// Lets photons count in proportion to the `density` of the medium they are in, where rays pass that know it.
     pub fn follow_density(&mut self, density: &(impl Fn(DVec3) -> f64 + Sync)) {
-        let power = match self.profile {
-            Profile::Constant => 1.0,
-            Profile::Epanechnikov => 0.5,
-            Profile::Biweight => 1.0 / 3.0,
-        };
         // As many within a distance as the kernel has there.
-        let distances: [f32; PLACES] = std::array::from_fn(|i| {
-            let beyond = 1.0 - (i as f32 + 0.5) / PLACES as f32;
-            (1.0 - beyond.powf(power)).sqrt()
-        });
+        let distances: [f32; PLACES] =
+            std::array::from_fn(|i| self.profile.disc_distance((i as f32 + 0.5) / PLACES as f32));
         let map = &*self;
         let densities = (0..map.blocks.len())
             .into_par_iter()

@@ -3,6 +3,7 @@
 use smallvec::SmallVec;
 
 use super::Plane;
+use super::small::SmallSolids;
 use crate::geometry::Near;
 use crate::math::Vec3;
 use crate::scene::description::Boundaries;
@@ -40,11 +41,23 @@ impl Walls {
         self.lean
     }
 
-    /// Those of a photon whose disc is so wide.
-    pub fn near(&self, scene: &Scene, (position, radius): (Vec3, f32), walls: &mut SmallVec<[Plane; 3]>) {
+    /// The same without discs that lean.
+    pub fn without_leaning(self) -> Walls {
+        Walls { lean: false, ..self }
+    }
+
+    /// Those of a photon whose disc is so wide. If it does not lean, boundaries of solids `small` to it are none.
+    pub fn near(
+        &self,
+        scene: &Scene,
+        small: &SmallSolids,
+        (position, radius): (Vec3, f32),
+        walls: &mut SmallVec<[Plane; 3]>,
+    ) {
         // The disc is drawn around a foot point that may be a radius away from the photon.
         let reach = if self.lean { (2.0 * radius).max(self.depth) } else { 2.0 * radius };
-        near(scene, position, reach, self.lean, walls);
+        let passes = |shape| !self.lean && small.is_small(shape, radius);
+        find(scene, position, reach, (self.lean, passes), walls);
     }
 }
 
@@ -55,10 +68,24 @@ impl Walls {
 /// If the photon's disc `leans`, then on the nearest boundary of its region that is nearer than other walls, be it an
 /// edge: its normal points to the photon, as along it the depth grows.
 pub fn near(scene: &Scene, position: Vec3, radius: f32, leans: bool, walls: &mut SmallVec<[Plane; 3]>) {
+    find(scene, position, radius, (leans, |_| false), walls);
+}
+
+/// As [`near`], but for the surfaces of shapes that are passed over.
+fn find(
+    scene: &Scene,
+    position: Vec3,
+    radius: f32,
+    (leans, passes): (bool, impl Fn(u32) -> bool),
+    walls: &mut SmallVec<[Plane; 3]>,
+) {
     const MOST: usize = 3;
     let p = position.as_dvec3();
     let mut faces: SmallVec<[(Near, bool); 8]> = SmallVec::new();
     scene.geometry.nearest_surfaces(p, radius as f64, |mut near| {
+        if passes(near.id) {
+            return;
+        }
         let above = (p - near.point).dot(near.normal);
         let over = near.distance - above <= 1e-6 * near.distance;
         if leans && !over {

@@ -13,7 +13,9 @@ use crate::medium::density::Density;
 use crate::medium::phase::{Peak, Phase};
 use crate::photon::{
     Kind, Landed, MapSettings, Photon, PhotonMap, PointMap, PointSettings, Radii, Radius, ShadowPass, ShadowPhoton,
-    Shadows, SurfacePass, narrowing, trace_shadows, trace_surfaces,
+    Shadows, SurfacePass, narrowing,
+    small::SmallSolids,
+    trace_shadows, trace_surfaces,
     walls::{self, Walls},
 };
 use crate::scene::Scene;
@@ -260,8 +262,10 @@ fn beam_maps(
     regions: Vec<(Radius, Vec<Photon>)>,
 ) -> VolumeMaps {
     let corrects = plan.boundaries != Boundaries::None;
+    let small = SmallSolids::of(scene);
     let walls_of = |region: u32, mean: f32| {
-        Walls::of_discs(plan.boundaries, extinctions[region as usize], f64::from(mean / scale))
+        let walls = Walls::of_discs(plan.boundaries, extinctions[region as usize], f64::from(mean / scale));
+        if walls.lean() && small.all_of(region, mean) { walls.without_leaning() } else { walls }
     };
     let confines = Confines::possible(scene);
     let is_confined = |region: u32, mean: f32| {
@@ -281,10 +285,17 @@ fn beam_maps(
         };
         let near = |position, radius, mean, planes: &mut _| {
             if !is_confined(region, mean) {
-                walls_of(region, mean).near(scene, (position, radius), planes);
+                walls_of(region, mean).near(scene, &small, (position, radius), planes);
             }
         };
-        (!photons.is_empty()).then(|| PhotonMap::build(photons, &settings, &near))
+        (!photons.is_empty()).then(|| {
+            let mut map = PhotonMap::build(photons, &settings, &near);
+            let mean = map.radii().mean;
+            if corrects && !is_confined(region, mean) && !walls_of(region, mean).lean() {
+                map.keep_light(&small, region);
+            }
+            map
+        })
     };
     let mut maps: Vec<Option<PhotonMap>> = (0..).zip(regions).map(build).collect();
     for (region, map) in (0..).zip(&mut maps) {

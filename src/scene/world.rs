@@ -194,23 +194,23 @@ impl Scene {
     /// The solid, or the overlap of several, that decides what fills the places inside these solids.
     #[inline]
     fn decisive(&self, inside: &Inside) -> Option<&Solid> {
-        let first = &self.solids[*inside.solids.first()? as usize];
-        Some(if first.adds { self.overlap(inside).unwrap_or(first) } else { first })
+        Some(&self.solids[self.decisive_solid(inside)? as usize])
+    }
+
+    /// Its index.
+    #[inline]
+    pub fn decisive_solid(&self, inside: &Inside) -> Option<u32> {
+        let first = *inside.solids.first()?;
+        Some(if self.solids[first as usize].adds { self.overlap(inside).unwrap_or(first) } else { first })
     }
 
     /// The overlap of the solids above all others, if their media are more than that of the first.
     #[cold]
-    fn overlap(&self, inside: &Inside) -> Option<&Solid> {
+    fn overlap(&self, inside: &Inside) -> Option<u32> {
         let adding = inside.solids.iter().take_while(|&&solid| self.solids[solid as usize].adds).count();
         let of = &inside.solids[..inside.solids.len().min(adding + 1)];
         let found = self.overlaps.binary_search_by(|overlap| overlap.of[..].cmp(of)).ok()?;
-        Some(&self.solids[self.overlaps[found].solid as usize])
-    }
-
-    /// The solid that alone decides what fills the places inside these solids.
-    pub fn decisive_solid(&self, inside: &Inside) -> Option<u32> {
-        let first = *inside.solids.first()?;
-        (self.solids[first as usize].region == self.region(inside)).then_some(first)
+        Some(self.overlaps[found].solid)
     }
 
     /// The region of the places inside these solids.

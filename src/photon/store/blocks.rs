@@ -119,6 +119,17 @@ impl Blocks {
         });
     }
 
+    /// Multiplies powers.
+    pub(crate) fn weigh(&mut self, factors: &[[f32; LANES]]) {
+        let (power, own) = (self.fields.power, usize::from(self.mask != 0));
+        let blocks = self.rows[1 - own..].par_chunks_mut(self.stride).zip(factors);
+        blocks.for_each(|(rows, factors)| {
+            for row in &mut rows[own + power[0]..] {
+                row.0.iter_mut().zip(factors).for_each(|(power, factor)| *power *= factor);
+            }
+        });
+    }
+
     /// Whether directions are kept.
     pub(crate) fn has_directions(&self) -> bool {
         self.fields.directions
