@@ -606,3 +606,145 @@ fn no_light_comes_into_an_opaque_ball() {
         assert!(outcome(&scene, &outside).mean[0] > 0.1, "the floor is dark");
     }
 }
+
+/// Solids smaller than discs take holes out of the fog around them, be their matter uneven, added to it or in its place: both keep their light.
+#[test]
+fn small_solids_in_fog_keep_their_light_and_that_of_the_fog() {
+    let folder = tempfile::tempdir().unwrap();
+    let fog = "[media.air]\nsigma_t = 0.3\nalbedo = 0.8\n\
+               [[shapes]]\ntype = \"box\"\nmin = [-1.2, -1.2, -1.2]\nmax = [1.2, 1.2, 1.2]\ninterior = \"air\"\n";
+    let noise = "media.fog.density={ type = \"noise\", scale = 0.03, octaves = 1, threshold = 0.35 }";
+    let (adds, dense, thin) = ("media.fog.add=true", "media.fog.sigma_t=100", "media.fog.sigma_t=25");
+    let ball = |[x, y, z]: [f64; 3]| format!("type = \"sphere\"\ncenter = [{x}, {y}, {z}]\nradius = 0.03");
+    let cylinder = |[x, y, z]: [f64; 3]| {
+        format!("type = \"cylinder\"\nbase = [{x}, {}, {z}]\ntop = [{x}, {}, {z}]\nradius = 0.03", y - 0.03, y + 0.03)
+    };
+    let puffs = |shape: &dyn Fn([f64; 3]) -> String| -> String {
+        let place =
+            |i: u32| [0.754_877_7, 0.569_840_3, 0.618_034].map(|step: f64| 2.0 * (f64::from(i) * step).fract() - 1.0);
+        (0..1000).map(|i| format!("[[shapes]]\n{}\ninterior = \"fog\"\n", shape(place(i)))).collect()
+    };
+    for (case, around, shape, sets) in [
+        ("balls of noise added to fog", fog, puffs(&ball), &[noise, dense, adds][..]),
+        ("balls of noise in place of fog", fog, puffs(&ball), &[noise, dense]),
+        ("even cylinders added to fog", fog, puffs(&cylinder), &[thin, adds]),
+        ("even cylinders", "", puffs(&cylinder), &[thin]),
+    ] {
+        let scene = written(&folder, "puffs", &format!("{around}{shape}"));
+        let mean = |estimator: &[&str]| outcome(&scene, &[sets, estimator].concat()).mean[0];
+        let path = mean(&[PATH, "render.samples=1024"]);
+        for (photons, bound) in [("photons.volume=100000", 0.02), ("photons.volume=30000", 0.025)] {
+            assert_near(&format!("row 28, {case}, beams, {photons}"), mean(&[PHOTON, photons]), path, bound);
+        }
+    }
+}
+
+/// However many solids and lamps there are, a photon costs little more, by beams and by points.
+#[test]
+fn costs_grow_slowly_with_solids() {
+    let folder = tempfile::tempdir().unwrap();
+    let seconds = |count: u32, estimator: &[&str]| {
+        let mut text = String::new();
+        let size = 0.3 / f64::from(count).cbrt();
+        for i in 0..count {
+            let [x, y, z] =
+                [0.754_877_7, 0.569_840_3, 0.618_034].map(|step: f64| 2.0 * (f64::from(i) * step).fract() - 1.0);
+            text += &format!(
+                "[[shapes]]\ntype = \"sphere\"\ncenter = [{x}, {y}, {z}]\nradius = {size}\ninterior = \"fog\"\n"
+            );
+        }
+        let scene = written(&folder, &format!("balls{count}"), &text);
+        let sets = [&["photons.volume=20000", "render.samples=1", "media.fog.sigma_t=8"][..], estimator].concat();
+        let pool = ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        let (rendering, _) = pool.install(|| try_render(&scene, &sets)).unwrap();
+        let stats = &rendering.stats;
+        (stats.photons_seconds + stats.build_seconds) / stats.emitted as f64
+    };
+    for estimator in [&[PHOTON][..], &[PHOTON, "volume.estimate=point"]] {
+        let (few, many) = (seconds(100, estimator), seconds(10_000, estimator));
+        assert!(
+            many < 10.0 * few,
+            "row 28, {estimator:?}: {many:.2e} s a photon among 10 000 balls, {few:.2e} s among 100; expected about as much"
+        );
+    }
+}
+
+/// Whenever a render is stopped, it ends soon, with what it has.
+#[test]
+fn a_render_ends_soon_when_it_is_stopped() {
+    let folder = tempfile::tempdir().unwrap();
+    let solid = "[[shapes]]\ntype = \"box\"\nmin = [-1, -1, -1]\nmax = [1, 1, 1]\ninterior = \"fog\"\n";
+    let scene = written(&folder, "long", solid);
+    for estimator in [
+        &[PATH, "render.samples=1000000"][..],
+        &["render.method=light", "render.samples=1000000"],
+        &[PHOTON, "photons.volume=20000000"],
+        &[PHOTON, "photons.volume=100000", "render.samples=1000000"],
+        &[PHOTON, "volume.estimate=point", "photons.volume=100000", "render.samples=1000000"],
+    ] {
+        for delay in [0, 100, 700] {
+            let sets: Vec<String> = estimator.iter().map(|text| text.to_string()).collect();
+            let (scene, settings) = scene::build(&scene::read(Path::new(&scene), &sets).unwrap()).unwrap();
+            let stop = AtomicBool::new(false);
+            let waited = std::thread::scope(|scope| {
+                let rendering = scope.spawn(|| render(&scene, &settings, &Silent, &stop));
+                std::thread::sleep(Duration::from_millis(delay));
+                stop.store(true, Ordering::Relaxed);
+                let start = Instant::now();
+                let rendering =
+                    rendering.join().unwrap().unwrap_or_else(|error| panic!("row 29, {estimator:?}: {error}"));
+                let pixels = &rendering.film.image().pixels;
+                assert!(
+                    pixels.as_flattened().iter().all(|x| x.is_finite() && *x >= 0.0),
+                    "row 29, {estimator:?}, stopped after {delay} ms: its picture is not finite"
+                );
+                start.elapsed().as_secs_f64()
+            });
+            // 0.2 s, and what other tests on the same processor take meanwhile.
+            assert!(
+                waited < 3.0,
+                "row 29, {estimator:?}, stopped after {delay} ms: it went on for {waited:.1} s; expected 0.2"
+            );
+        }
+    }
+}
+
+/// The light of a picture of the sky and that of lamps of every kind add up, and so does what they cost.
+#[test]
+fn a_picture_of_the_sky_and_lamps_add_up() {
+    let folder = tempfile::tempdir().unwrap();
+    // One bright pixel of 8 × 4, the others dim.
+    let mut sky = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 7\n".to_vec();
+    (0..28).for_each(|i| sky.extend(if i == 9 { [128, 128, 128, 132] } else { [128, 128, 128, 128] }));
+    std::fs::write(folder.path().join("sky.hdr"), sky).unwrap();
+    let solid = "[[shapes]]\ntype = \"sphere\"\ncenter = [0, 0, 0]\nradius = 1\ninterior = \"fog\"\n";
+    let picture = "[[lights]]\ntype = \"environment\"\nfile = \"sky.hdr\"\n";
+    let lamps = "[[lights]]\ntype = \"spot\"\nposition = [0, 4, 0]\ntarget = [0, 0, 0]\ninner_angle = 10\nouter_angle = 20\nintensity = 40\n\
+                 [[lights]]\ntype = \"directional\"\ndirection = [-1, -1, 0]\nirradiance = 1\n\
+                 [[shapes]]\ntype = \"quad\"\norigin = [-2, -2, -2]\nedge_u = [0, 0, 1]\nedge_v = [0, 1, 0]\nemission = { radiance = 5 }\n";
+    for estimator in LIGHT_OF_MEDIA {
+        let thin = ["media.fog.sigma_t=1", "photons.volume=20000"];
+        let render = |name: &str, lights: &str, sets: &[&str]| {
+            let scene = written(&folder, name, &format!("{solid}{lights}"));
+            let samples: &[&str] =
+                if estimator[0] == PHOTON { &["render.samples=64"] } else { &["render.samples=256"] };
+            let sets = [&thin[..], estimator, samples, sets].concat();
+            let mean = outcome(&scene, &sets).mean[0];
+            (mean, try_render(&scene, &sets).unwrap().0.stats.emitted as f64)
+        };
+        let dark = ["lights.0.intensity=0"];
+        let (sky, lit, both) = (
+            render("sky", picture, &dark),
+            render("lamps", lamps, &[]),
+            render("both", &format!("{picture}{lamps}"), &[]),
+        );
+        assert_near(&format!("row 34, {estimator:?}, radiance"), both.0, sky.0 + lit.0, 0.03);
+        assert!(
+            both.1 <= 1.5 * (sky.1 + lit.1),
+            "row 34, {estimator:?}: {} photons emitted; expected {} + {} at most",
+            both.1,
+            sky.1,
+            lit.1
+        );
+    }
+}
