@@ -6,14 +6,14 @@
 //!
 //! Each render is a process of its own, on one thread, so that what it took at most is its own; of three, the least counts.
 
-use std::process::Command;
+mod measure;
+
 use std::sync::atomic::AtomicBool;
 
+use measure::{Outcome, numbers, one_thread};
 use volpm::compare::{cpu_seconds, peak_bytes};
 use volpm::render::{Camera, Forced, Limits, Plan, Silent, refine_planned};
 use volpm::scene;
-
-type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
 /// What a scene is called, and how it differs from the room.
 type Case = (&'static str, &'static [&'static str]);
@@ -95,13 +95,8 @@ fn main() -> Outcome<()> {
 fn measured(case: usize, forces: &str) -> Outcome<[f64; 3]> {
     let mut least = [f64::INFINITY; 3];
     for _ in 0..TIMES {
-        let output = Command::new(std::env::current_exe()?).args([&case.to_string(), forces]).output()?;
-        if !output.status.success() {
-            return Err(String::from_utf8_lossy(&output.stderr).into());
-        }
-        let text = String::from_utf8(output.stdout)?;
-        for (least, found) in least.iter_mut().zip(text.split_whitespace()) {
-            *least = least.min(found.parse()?);
+        for (least, found) in least.iter_mut().zip(numbers(&[&case.to_string(), forces])?) {
+            *least = least.min(found);
         }
     }
     Ok(least)
@@ -113,7 +108,7 @@ fn render((forced, (_, overrides)): (&[Forced], Case), forces: bool) -> Outcome<
     let (scene, settings) = scene::build(&scene::parse(ROOM, "ablation.toml".as_ref(), &overrides)?)?;
     let limits = Limits { forced: if forces { forced.to_vec() } else { Vec::new() }, ..Limits::default() };
     let stop = AtomicBool::new(false);
-    let rendering = rayon::ThreadPoolBuilder::new().num_threads(1).build()?.install(|| {
+    let rendering = one_thread()?.install(|| {
         let plan = Plan::new(&scene, &settings, &Camera::new(&scene.camera, &settings.film), &limits)?;
         refine_planned(&scene, &settings, plan, &limits, None, &Silent, &stop)
     })?;

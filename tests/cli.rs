@@ -458,6 +458,12 @@ fn costs_of_a_machine_tell_seconds() {
     let refused = plan("costs.json");
     assert_eq!(refused.status.code(), Some(2));
     assert!(text(&refused.stderr).contains("costs.json") && text(&refused.stderr).contains("ray is missing"));
+
+    // Nothing is measured that cannot be kept.
+    let mut calibrate = program(folder.path(), &["plan", "--calibrate"]);
+    let refused = calibrate.env("VOLPM_COSTS", "costs.json/of-this.json").output().unwrap();
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(text(&refused.stderr).contains("VOLPM_COSTS"), "{}", text(&refused.stderr));
 }
 
 #[cfg(unix)]

@@ -3,7 +3,7 @@
 use std::env;
 use std::fs;
 use std::io::{ErrorKind, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
@@ -51,17 +51,29 @@ pub fn read() -> Result<Option<Costs>> {
     Ok(Some(file.nanoseconds).filter(|_| file.version == env!("CARGO_PKG_VERSION")))
 }
 
-/// Keeps costs. Returns where.
+/// Where costs will be kept: a file that can be written, which is found out before they are measured.
+///
+/// # Errors
+/// [`Error::Usage`] where there is no place for it; [`Error::Output`] where it cannot be written.
+pub fn place() -> Result<PathBuf> {
+    let path =
+        path().ok_or_else(|| Error::Usage(format!("there is no home to keep costs in: say where by {VARIABLE}")))?;
+    let cannot = |error: Error| match error {
+        Error::Output { path, message } => Error::output(path, format!("{message}; {VARIABLE} may name another file")),
+        error => error,
+    };
+    if let Some(folder) = path.parent() {
+        fs::create_dir_all(folder).map_err(|error| cannot(Error::output(folder, error)))?;
+    }
+    image::check_target(&path).map_err(cannot)?;
+    Ok(path)
+}
+
+/// Keeps costs in a file.
 ///
 /// # Errors
 /// [`Error::Output`] where they cannot be written.
-pub fn write(costs: &Costs) -> Result<PathBuf> {
-    let path =
-        path().ok_or_else(|| Error::Usage(format!("there is no home to keep costs in: say where by {VARIABLE}")))?;
-    if let Some(folder) = path.parent() {
-        fs::create_dir_all(folder).map_err(|error| Error::output(folder, error))?;
-    }
+pub fn write(costs: &Costs, path: &Path) -> Result<()> {
     let text = super::json(&File { version: env!("CARGO_PKG_VERSION").to_string(), nanoseconds: *costs })?;
-    image::write_aside(&path, |file| file.write_all(text.as_bytes()))?;
-    Ok(path)
+    image::write_aside(path, |file| file.write_all(text.as_bytes()))
 }

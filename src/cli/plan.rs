@@ -32,28 +32,34 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     if arguments.calibrate {
+        let path = costs::place()?;
         // On one thread, as they are told.
         let measured = super::pool(Some(1))?.install(|| Costs::measure(cpu_seconds))?;
-        super::tell(format_args!("{}: costs of this machine", costs::write(&measured)?.display()));
+        costs::write(&measured, &path)?;
+        super::tell(format_args!("{}: costs of this machine", path.display()));
     }
     let Some(planned) = &arguments.planned else {
         let asked = "what scene? Name a .toml file, or say --calibrate".to_string();
         return if arguments.calibrate { Ok(()) } else { Err(Error::Usage(asked)) };
     };
     let measured = costs::read()?;
-    let (loaded, forecast) = super::pool(planned.threads)?.install(|| -> Result<_> {
-        let loaded = planned.load()?;
-        let memory = resident_bytes().zip(peak_bytes());
-        let limits = Limits { memory: planned.memory, forced: arguments.force.forced.clone(), ..Limits::default() };
-        let mut forecast = Forecast::new(&loaded.scene, &loaded.settings, &limits, loaded.choice.as_ref())?;
-        if let Some((resident, most)) = memory {
-            forecast.bytes.foretell(resident, most);
-        }
-        if let Some(measured) = &measured {
+    let loaded = super::pool(planned.threads)?.install(|| planned.load())?;
+    let memory = resident_bytes().zip(peak_bytes());
+    let limits = Limits { memory: planned.memory, forced: arguments.force.forced.clone(), ..Limits::default() };
+    let Loaded { scene, settings, choice, .. } = &loaded;
+    let mut forecast = match &measured {
+        None => super::pool(planned.threads)?.install(|| Forecast::new(scene, settings, &limits, choice.as_ref()))?,
+        // On one thread, as its seconds are told.
+        Some(measured) => {
+            let timed = || Forecast::timed(scene, settings, &limits, choice.as_ref(), &cpu_seconds);
+            let mut forecast = super::pool(Some(1))?.install(timed)?;
             forecast.price(measured, true);
+            forecast
         }
-        Ok((loaded, forecast))
-    })?;
+    };
+    if let Some((resident, most)) = memory {
+        forecast.bytes.foretell(resident, most);
+    }
     for warning in &loaded.scene.warnings {
         super::tell(format_args!("warning: {warning}"));
     }

@@ -48,6 +48,11 @@ pub struct Distances {
 }
 
 impl Distances {
+    /// Bytes of what has been asked for so far, beyond what there is from the beginning.
+    pub fn bytes(&self) -> usize {
+        self.near.iter().filter(|cells| cells.get().is_some()).count() * size_of::<[AtomicU16; CELLS]>()
+    }
+
     /// Of places in `bounds`, in cells of this edge, or larger ones where those would be too many beside those of so many others; `None` where
     /// `bounds` has no end.
     pub fn new(bounds: &Bounds, edge: f64, sharing: usize) -> Option<Self> {

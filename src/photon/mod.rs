@@ -46,6 +46,7 @@ pub use emission::{Emission, Sources, Start};
 pub use history::History;
 pub use importance::{Importon, Importons};
 pub use instructions::Instructions;
+pub(crate) use pass::at_once;
 pub use pass::{Traced, sample, trace};
 pub use radius::{Filling, InMedium, Radii, Radius, narrowing};
 pub use shadows::{ShadowPass, ShadowPhoton, Shadows, Sight, served_lights, trace_shadows};

@@ -57,6 +57,11 @@ const RARE: f64 = 4.0;
 /// or as these.
 const FEW: f64 = 4e6;
 
+/// Of so many emissions, those that are traced at once: for so long, their photons are held twice.
+pub(crate) fn at_once(emitted: u64) -> u64 {
+    emitted.div_ceil(PARTS).next_multiple_of(CHUNK).max(LEAST_PART)
+}
+
 /// Traces photons. `progress` is told how many emissions were done since it was last told, and how many there are to be; `stop` ends
 /// the pass early: what it traced until then stands for all the light, except that it may have traced nothing.
 ///
@@ -121,7 +126,7 @@ fn trace_some(
     let (forced, aimed, events) = (tracer.forced, tracer.sources.are_aimed(), found.events);
     let mut traced = Traced { planned, events, aimed, forced, enough: is_enough, ..empty() };
     let wanted = pass.target as f64 * part;
-    let part = emitted.div_ceil(PARTS).next_multiple_of(CHUNK).max(LEAST_PART);
+    let part = at_once(emitted);
     for first in (0..emitted).step_by(part as usize) {
         let range = first..(first + part).min(emitted);
         for chunk in tracer.run(Purpose::Photon, (range, emitted), progress, stop) {

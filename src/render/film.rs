@@ -158,13 +158,20 @@ impl Film {
         Film { finished: Some(finished), done, ..Film::new(width, height, layers) }
     }
 
+    /// Bytes of the picture, with its layers, that is made of the sums in the end.
+    pub(super) fn picture_bytes(width: u32, height: u32, layers: Layers) -> u64 {
+        let mut pixel = size_of::<[f32; 3]>();
+        if layers.components {
+            pixel += size_of::<[[f32; 3]; COMPONENTS]>() + size_of::<[f32; 7]>();
+        }
+        width as u64 * height as u64 * pixel as u64
+    }
+
     /// Bytes that a film of this size takes at most, with what making it takes besides.
     pub fn bytes(width: u32, height: u32, layers: Layers, of_passes: bool) -> u64 {
-        // The image is made of the sums in the end.
-        let mut pixel = size_of::<Pixel>() + size_of::<[f32; 3]>();
+        let mut pixel = size_of::<Pixel>();
         if layers.components {
             pixel += size_of::<[[f32; 3]; COMPONENTS]>() + size_of::<First>();
-            pixel += size_of::<[[f32; 3]; COMPONENTS]>() + size_of::<[f32; 7]>();
         }
         if of_passes {
             pixel += 2 * ExactSums::<3>::BYTES;
@@ -173,7 +180,7 @@ impl Film {
                 pixel += ExactSums::<6>::BYTES + 2 * ExactSums::<1>::BYTES;
             }
         }
-        width as u64 * height as u64 * pixel as u64
+        width as u64 * height as u64 * pixel as u64 + Film::picture_bytes(width, height, layers)
     }
 
     /// From now on, samples add only these components to the image; layers are kept as they are.

@@ -113,6 +113,13 @@ impl Limits {
         film_bytes(settings, layers, several)
     }
 
+    /// Bytes that the film takes without the picture that is made of it in the end.
+    pub(super) fn sums_bytes(&self, settings: &Settings, parts: u32) -> u64 {
+        let (width, height) = settings.film.size();
+        let (layers, _) = self.film_of(settings, parts);
+        self.film_bytes(settings, parts) - Film::picture_bytes(width, height, layers)
+    }
+
     /// The parts that each pass is split into where memory does not matter: several for the standard error of a single pass.
     pub(super) fn parts_for_error(&self, settings: &Settings) -> u32 {
         if settings.film.standard_error && self.single(settings) { SUB_PASSES } else { 1 }

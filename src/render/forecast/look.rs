@@ -3,8 +3,8 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::sample::Samples;
-use super::work::{Unit, Work};
-use crate::gather::{GatherStats, Queue};
+use super::work::{Clock, SHORTEST, Timed, Unit, Work, timed};
+use crate::gather::{GatherStats, IrradianceCache, Queue};
 use crate::math::Cells;
 use crate::photon::{self, Kind, SurfacePass, sample_surfaces};
 use crate::render::camera::Camera;
@@ -25,16 +25,25 @@ const BUNDLES: u32 = 8;
 const FEW_RAYS: u32 = 48;
 /// Records that are made for that, at most.
 const RECORDS: u64 = 4096;
+/// To find where records are wanted, each pixel is looked at so often, about: once from coarse to fine, and again in the end.
+const LOOKS: f64 = 3.0;
+/// What is timed is repeated until it takes so many times as long as a clock can tell,
+const TELLING: f64 = 3.0;
+/// but no more often than this.
+const MOST_TIMES: u32 = 16;
 /// Paths are broken off when that was asked about so often, each time after thousands of events of one path.
 const PATIENCE: u64 = 64;
 
-/// What a pass has to do.
+/// What an item has to do in one part of a pass, and a part of that which was done and timed.
+pub(super) type Part = (&'static str, Work, Option<Timed>);
+
+/// What a pass has to do, and parts of that.
 #[derive(Clone, Copy, Debug, Default)]
 struct Looked {
     /// For all camera samples.
-    camera: Work,
+    camera: (Work, Option<Timed>),
     /// For all records of the irradiance cache.
-    records: Work,
+    records: (Work, Option<Timed>),
 }
 
 /// What some camera samples did.
@@ -97,18 +106,24 @@ const COUNTED: f64 = 5.0;
 const DEEPER: f64 = 0.15;
 
 /// What each item has to do in one part of a pass.
-pub(super) fn work_of_all(scene: &Scene, camera: &Camera, plan: &Plan, samples: &Samples) -> Vec<(&'static str, Work)> {
+pub(super) fn work_of_all(
+    scene: &Scene,
+    camera: &Camera,
+    plan: &Plan,
+    samples: &Samples,
+    clock: Clock<'_>,
+) -> Vec<Part> {
     let mut works = of_photons(scene, samples);
     works.extend(samples.unread.iter().flat_map(|unread| of_photons(scene, unread)));
-    let looked = look(scene, camera, plan, samples);
-    works.push(("camera_paths", looked.camera));
+    let Looked { camera: (work, timed), records } = look(scene, camera, plan, samples, clock);
+    works.push(("camera_paths", work, timed));
     if plan.cache.is_some() {
-        works.push(("irradiance_cache", looked.records));
+        works.push(("irradiance_cache", records.0, records.1));
     }
     if plan.method == Method::Light {
         let (width, height) = (camera.window().width, camera.window().height);
         let paths = f64::from(width) * f64::from(height) * f64::from(plan.samples);
-        works.push(("light_paths", of_light_paths(scene, plan).times(paths)));
+        works.push(("light_paths", of_light_paths(scene, plan).times(paths), None));
     }
     works
 }
@@ -117,7 +132,7 @@ pub(super) fn work_of_all(scene: &Scene, camera: &Camera, plan: &Plan, samples: 
 const PILOTS: f64 = 25_000.0;
 
 /// What photons and their maps have to do.
-fn of_photons(scene: &Scene, samples: &Samples) -> Vec<(&'static str, Work)> {
+fn of_photons(scene: &Scene, samples: &Samples) -> Vec<Part> {
     let deep = depth(scene);
     let wanders = scene.distances.iter().flatten().next().is_some();
     let mut works = Vec::new();
@@ -128,15 +143,20 @@ fn of_photons(scene: &Scene, samples: &Samples) -> Vec<(&'static str, Work)> {
         ("shadow_photons", "visibility_map", &samples.shadow, Unit::SurfacePhoton, false),
     ] {
         let Some(found) = found else { continue };
-        let emitted = found.emitted as f64 + PILOTS;
-        let events = match found.emitted {
-            0 => 0.0,
-            emissions => found.events as f64 * (emitted / emissions as f64),
+        let traced = |emitted: u64| {
+            let all = emitted as f64 + PILOTS;
+            let events = all * found.events as f64 / found.emitted.max(1) as f64;
+            let event = if wanders { (Unit::Wandering, events) } else { (Unit::Event, deep * events) };
+            Work::of(&[(Unit::Emission, deep * all), event])
         };
-        let event = if wanders { (Unit::Wandering, events) } else { (Unit::Event, deep * events) };
-        works.push((photons, Work::of(&[(Unit::Emission, deep * emitted), event])));
-        let built = found.stored + found.sparse_photons;
-        works.push((map, Work::of(&[(stored, built as f64), (Unit::Irradiance, found.irradiance_count as f64)])));
+        works.push((photons, traced(found.emitted), Timed::new(traced(found.sampled), found.traced_in)));
+        let part = found.sampled as f64 / found.emitted.max(1) as f64;
+        let built = |photons: u64, part: f64| {
+            let irradiances = part * found.irradiance_count as f64;
+            Work::of(&[(stored, part * photons as f64), (Unit::Irradiance, irradiances)])
+        };
+        let all = built(found.stored + found.sparse_photons, 1.0);
+        works.push((map, all, Timed::new(built(found.stored, part), found.built_in)));
     }
     works
 }
@@ -153,7 +173,7 @@ fn of_light_paths(scene: &Scene, plan: &Plan) -> Work {
 }
 
 /// Looks at some pixels of a planned pass through maps of a part of its photons.
-fn look(scene: &Scene, camera: &Camera, plan: &Plan, samples: &Samples) -> Looked {
+fn look(scene: &Scene, camera: &Camera, plan: &Plan, samples: &Samples, clock: Clock<'_>) -> Looked {
     let asked = AtomicU64::new(0);
     let stop = || asked.fetch_add(1, Ordering::Relaxed) >= PATIENCE;
     let maps = Some(&samples.maps).filter(|_| plan.method == Method::Photon);
@@ -161,61 +181,89 @@ fn look(scene: &Scene, camera: &Camera, plan: &Plan, samples: &Samples) -> Looke
     let eye = Eye::new(scene, settings);
     let seen = some_pixels(scene, camera, plan, &eye);
     let window = camera.window();
-    let paths = f64::from(window.width) * f64::from(window.height) * f64::from(plan.samples);
+    let pixels = f64::from(window.width) * f64::from(window.height);
+    let paths = pixels * f64::from(plan.samples);
+    let of_paths = |eye: &Eye<'_>, seen: &Seen| {
+        let work = |full: f64| seen.work(scene, plan, &seen.all, full);
+        let (times, seconds) = time_pixels(scene, camera, plan, eye, clock);
+        (work(samples.fullness()).times(paths / seen.samples.max(1.0)), Timed::new(work(1.0).times(times), seconds))
+    };
     let Some(cache) = plan.cache.filter(|_| eye.gathers()) else {
-        let camera = seen.work(scene, plan, &seen.all, samples.fullness());
-        return Looked { camera: camera.times(paths / seen.samples.max(1.0)), ..Looked::default() };
+        return Looked { camera: of_paths(&eye, &seen), ..Looked::default() };
     };
 
-    // Paths that a record tells the rest, and rays that records send.
-    let straight = Eye::new(scene, EyeSettings { indirect: Indirect::Nobody, ..settings });
-    let told = some_pixels(scene, camera, plan, &straight);
-    let camera_work = told.work(scene, plan, &told.all, samples.fullness());
-    let onward = seen.work(scene, plan, &seen.onward, samples.sparse_fullness());
-    let sent = count_records(scene, camera, plan, &eye, cache, &stop) as f64 * cache.rays() as f64;
-    Looked {
-        camera: camera_work.times(paths / told.samples.max(1.0)),
-        records: onward.times(if seen.sent > 0.0 { sent / seen.sent } else { 0.0 }),
-    }
+    // Rays that records send, and that look where one is wanted.
+    let finds = Work::of(&[(Unit::Ray, LOOKS * pixels * depth(scene))]);
+    let work = |rays: f64, full: f64| {
+        let onward = seen.work(scene, plan, &seen.onward, full);
+        onward.times(if seen.sent > 0.0 { rays / seen.sent } else { 0.0 }) + finds
+    };
+    let ((filled, are_all), seconds) = timed(clock, || some_records(scene, camera, plan, &eye, cache, &stop));
+    let few = (filled.len() as f64) * f64::from(Cells::about(FEW_RAYS).count() as u32);
+    let records = most_records(camera.size(), plan.samples, &cache).min(filled.len() as u64);
+    let sent = records as f64 * cache.rays() as f64;
+    let records = (work(sent, samples.sparse_fullness()), Timed::new(work(few, 1.0), seconds));
+
+    // Paths that a record tells the rest, or none does.
+    let mut eye = Eye::new(
+        scene,
+        match are_all {
+            true => settings,
+            false => EyeSettings { indirect: Indirect::Nobody, ..settings },
+        },
+    );
+    eye.keep(Some(&filled));
+    let told = some_pixels(scene, camera, plan, &eye);
+    Looked { camera: of_paths(&eye, &told), records }
 }
 
-/// About how many records there will be: as many as with few rays each.
-fn count_records(
+/// Records of few rays, about as many as there will be of many; and whether they are all, or only the first.
+fn some_records(
     scene: &Scene,
     camera: &Camera,
     plan: &Plan,
     eye: &Eye<'_>,
     settings: CacheSettings,
     stop: &(impl Fn() -> bool + Sync),
-) -> u64 {
-    let most = most_records(camera.size(), plan.samples, &settings);
+) -> (IrradianceCache, bool) {
+    let most = most_records(camera.size(), plan.samples, &settings).min(RECORDS);
     let settings = CacheSettings { cells: Cells::about(FEW_RAYS), by_flux: 0, ..settings };
     let filler = Filler { scene, camera, plan, settings, eye, pass: 0, scale: 1.0 };
     let batches = AtomicU64::new(0);
-    let enough = most.min(RECORDS).div_ceil(BATCH as u64);
-    let filled = filler.fill(&|| batches.fetch_add(1, Ordering::Relaxed) >= enough || stop());
-    (filled.cache.len() as u64).min(most)
+    let filled = filler.fill(&|| batches.fetch_add(1, Ordering::Relaxed) >= most.div_ceil(BATCH as u64) || stop());
+    let are_all = most < RECORDS || (filled.cache.len() as u64) < most;
+    (filled.cache, are_all)
 }
 
-/// Follows one path from each pixel of some bundles.
-fn some_pixels<'s>(scene: &'s Scene, camera: &Camera, plan: &Plan, eye: &Eye<'s>) -> Seen {
+/// The bundles of pixels that are looked at: where each begins.
+fn bundles(camera: &Camera) -> impl Iterator<Item = (u32, u32)> {
     // By the plastic number, which is to the plane what the golden ratio is to the line.
     const STEPS: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
     let window = camera.window();
-    let (mut queue, mut parts, mut tally) = (Queue::default(), Parts::new(), Tally::default());
-    let mut seen = Seen::default();
-    for bundle in 0..BUNDLES {
+    (0..BUNDLES).map(move |bundle| {
         let place = |step: f64, from: u32, size: u32| {
             let share = (0.5 + f64::from(bundle) * step).fract();
             (from + (share * f64::from(size)) as u32) / BUNDLE * BUNDLE
         };
-        let (x0, y0) = (place(STEPS[0], window.x, window.width), place(STEPS[1], window.y, window.height));
-        queue.begin(camera.fan((x0, y0), BUNDLE, (BUNDLE * BUNDLE) as usize));
-        for index in 0..BUNDLE * BUNDLE {
-            let (x, y) = (x0 + every_second_bit(index), y0 + every_second_bit(index >> 1));
-            if x >= camera.size().0 || y >= camera.size().1 {
-                continue;
-            }
+        (place(STEPS[0], window.x, window.width), place(STEPS[1], window.y, window.height))
+    })
+}
+
+/// The pixels of a bundle that are on the film.
+fn pixels_of(camera: &Camera, (x0, y0): (u32, u32)) -> impl Iterator<Item = (u32, u32)> {
+    let (width, height) = camera.size();
+    let pixels =
+        (0..BUNDLE * BUNDLE).map(move |index| (x0 + every_second_bit(index), y0 + every_second_bit(index >> 1)));
+    pixels.filter(move |&(x, y)| x < width && y < height)
+}
+
+/// Follows one path from each pixel of some bundles.
+fn some_pixels<'s>(scene: &'s Scene, camera: &Camera, plan: &Plan, eye: &Eye<'s>) -> Seen {
+    let (mut queue, mut parts, mut tally) = (Queue::default(), Parts::new(), Tally::default());
+    let mut seen = Seen::default();
+    for corner in bundles(camera) {
+        queue.begin(camera.fan(corner, BUNDLE, (BUNDLE * BUNDLE) as usize));
+        for (x, y) in pixels_of(camera, corner) {
             let (mut stream, ray, inside) = set_out((scene, camera, plan), (x, y), (0, 0));
             let mut context =
                 Context { stream: &mut stream, queue: &mut queue, pixel: 0, tally: &mut tally, parts: &mut parts };
@@ -243,6 +291,39 @@ fn some_pixels<'s>(scene: &'s Scene, camera: &Camera, plan: &Plan, eye: &Eye<'s>
     }
     seen.gathered = queue.stats;
     seen
+}
+
+/// Renders the same pixels as [`some_pixels`] so often that a clock tells how long that takes. Returns how often, and the seconds.
+fn time_pixels<'s>(
+    scene: &'s Scene,
+    camera: &Camera,
+    plan: &Plan,
+    eye: &Eye<'s>,
+    clock: Clock<'_>,
+) -> (f64, Option<f64>) {
+    let (mut queue, mut parts, mut tally) = (Queue::default(), Parts::new(), Tally::default());
+    let mut times = 0;
+    let start = clock();
+    let took = || clock().zip(start).map(|(now, start)| now - start);
+    while times < MOST_TIMES && took().is_some_and(|seconds| seconds < TELLING * SHORTEST) {
+        for corner in bundles(camera) {
+            queue.begin(camera.fan(corner, BUNDLE, (BUNDLE * BUNDLE) as usize));
+            for at in pixels_of(camera, corner) {
+                let (mut stream, ray, inside) = set_out((scene, camera, plan), at, (0, times));
+                let (queue, tally, parts) = (&mut queue, &mut tally, &mut parts);
+                eye.look(ray, inside, &mut Context { stream: &mut stream, queue, pixel: 0, tally, parts });
+            }
+            if let Mode::Gather(maps) = eye.mode() {
+                maps.gather_bundles(&mut queue);
+            }
+        }
+        if let Mode::Gather(maps) = eye.mode() {
+            maps.gather_streams(&mut queue);
+            queue.done.clear();
+        }
+        times += 1;
+    }
+    (f64::from(times), took())
 }
 
 impl Seen {

@@ -14,6 +14,7 @@ mod work;
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
+use work::Timed;
 pub use work::{Costs, Unit, Work};
 
 use super::camera::Camera;
@@ -73,6 +74,9 @@ pub struct Item {
     /// What it has to do in all passes, or in one where time or error end them.
     #[serde(skip_serializing_if = "Work::is_none")]
     pub work: Work,
+    /// A part of such work that was done, where that was timed.
+    #[serde(skip)]
+    timed: Option<Timed>,
     /// The share of the time of all items that this takes, by [`Forecast::price`]; `None` where that is not told.
     pub share: Option<f64>,
     /// Seconds of one thread, where the costs are those of this machine.
@@ -92,9 +96,9 @@ pub struct Bytes {
     pub density: u64,
     /// The most that maps take together with photons as they were traced, which are there beside a map while it is built.
     pub building: u64,
-    /// What the allocator keeps of photons that are gone.
+    /// What the film takes while pixels are summed: all but the picture that is made of it.
     #[serde(skip)]
-    kept: u64,
+    sums: u64,
     /// The most that the process will hold; only where [`Bytes::foretell`] was told what it holds already.
     pub peak: Option<u64>,
 }
@@ -103,9 +107,10 @@ impl Bytes {
     /// Foretells the most that a process will hold which has loaded the scene: that takes `resident` bytes now, and took `most` meanwhile.
     pub fn foretell(&mut self, resident: u64, most: u64) {
         // What threads and pilots hold; found on the scenes of `scenes/`.
-        const SCRATCH: u64 = 2 << 20;
-        let rendering = resident + self.film + self.building + self.kept + SCRATCH;
-        self.peak = Some(rendering.max(most));
+        const SCRATCH: u64 = 1 << 20;
+        // Maps are gone before the picture is made.
+        let rendering = (self.sums + self.building).max(self.film);
+        self.peak = Some((resident + rendering + SCRATCH).max(most));
     }
 }
 
@@ -116,17 +121,31 @@ impl Forecast {
     /// # Errors
     /// As [`render`](super::render), for scenes and limits that it refuses.
     pub fn new(scene: &Scene, settings: &Settings, limits: &Limits, choice: Option<&Choice>) -> Result<Forecast> {
+        Forecast::timed(scene, settings, limits, choice, &|| None)
+    }
+
+    /// As [`Forecast::new`]; what is done to tell what a render will take is timed by a clock, if that tells seconds that were computed, on a pool of
+    /// one thread. So [`Forecast::price`] knows what these shapes, densities and maps cost on this machine.
+    ///
+    /// # Errors
+    /// As [`Forecast::new`].
+    pub fn timed(
+        scene: &Scene,
+        settings: &Settings,
+        limits: &Limits,
+        choice: Option<&Choice>,
+        clock: &dyn Fn() -> Option<f64>,
+    ) -> Result<Forecast> {
         let camera = Camera::new(&scene.camera, &settings.film);
         let plan = Plan::new(scene, settings, &camera, limits)?;
-        let samples = sample::Samples::take(scene, &plan)?;
+        let samples = sample::Samples::take(scene, &plan, clock)?;
         let mut forecast = Forecast::of(scene, settings, limits, &plan, choice);
         forecast.items = items::of(scene, settings, limits, (&plan, choice), Some(&samples));
-        forecast.set_work(look::work_of_all(scene, &camera, &plan, &samples));
+        forecast.set_work(look::work_of_all(scene, &camera, &plan, &samples, clock));
         forecast.bytes = Bytes {
             volume_map: samples.volume_bytes(),
             surface_maps: samples.surface_bytes(),
             building: samples.building_bytes(),
-            kept: samples.kept_bytes(),
             ..forecast.bytes
         };
         Ok(forecast)
@@ -152,6 +171,7 @@ impl Forecast {
             items: items::of(scene, settings, limits, (plan, choice), None),
             bytes: Bytes {
                 film: limits.film_bytes(settings, plan.parts),
+                sums: limits.sums_bytes(settings, plan.parts),
                 density: crate::medium::bytes(&scene.media),
                 ..Bytes::default()
             },
@@ -160,11 +180,11 @@ impl Forecast {
     }
 
     /// Tells what items have to do in one part of a pass.
-    fn set_work(&mut self, works: Vec<(&'static str, Work)>) {
+    fn set_work(&mut self, works: Vec<look::Part>) {
         let parts = f64::from(self.passes.unwrap_or(1)) * f64::from(self.parts);
-        for (name, work) in works {
+        for (name, work, timed) in works {
             if let Some(item) = self.items.iter_mut().find(|item| item.name == name) {
-                item.work = work.times(parts);
+                (item.work, item.timed) = (work.times(parts), timed);
             }
         }
         self.price(&Costs::TYPICAL, false);
@@ -172,7 +192,9 @@ impl Forecast {
 
     /// Tells what share of the time each item takes, and, if these costs are those of `this_machine`, how many seconds.
     pub fn price(&mut self, costs: &Costs, this_machine: bool) {
-        let seconds: Vec<f64> = self.items.iter().map(|item| costs.seconds(&item.work)).collect();
+        let timed = |item: &Item| item.timed.filter(|_| this_machine);
+        let seconds: Vec<f64> =
+            self.items.iter().map(|item| costs.seconds_by(&item.work, timed(item).as_ref())).collect();
         let all: f64 = seconds.iter().sum();
         for (item, seconds) in self.items.iter_mut().zip(seconds).filter(|(_, seconds)| *seconds > 0.0) {
             item.share = Some(seconds / all);

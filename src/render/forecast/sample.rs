@@ -1,8 +1,9 @@
 //! What a pass's photons will come to, by some of them.
 
+use super::work::{Clock, timed};
 use crate::Result;
 use crate::gather::{GlobalMap, SurfaceMap, VisibilityMap};
-use crate::photon::{Kind, Landed, Photon, Radius, Traced, sample, sample_surfaces, trace_shadows};
+use crate::photon::{Kind, Landed, Photon, Radius, Traced, at_once, sample, sample_surfaces, trace_shadows};
 use crate::render::maps::{Maps, mean_extinctions, shadow_order, surface_order, wanted};
 use crate::render::pass::order;
 use crate::render::plan::Plan;
@@ -23,6 +24,8 @@ pub(super) struct Samples {
     pub unread: Option<Box<Samples>>,
     /// Maps of those that were traced.
     pub maps: Maps,
+    /// Bytes that distance fields have come to meanwhile.
+    pub distances: u64,
 }
 
 /// What photons of a map come to.
@@ -60,6 +63,12 @@ pub(super) struct Expected {
     pub fullness: f64,
     /// and in that for rays that surfaces spread.
     pub sparse_fullness: f64,
+    /// How many were emitted to tell that,
+    pub sampled: u64,
+    /// and how many seconds that took, with pilots,
+    pub traced_in: Option<f64>,
+    /// and to build a map of them.
+    pub built_in: Option<f64>,
     /// Whether some discs lean on walls.
     pub leans: bool,
     /// Whether some photons keep directions,
@@ -72,22 +81,24 @@ pub(super) struct Expected {
 
 impl Samples {
     /// Traces some of the photons of a plan's first pass, and builds maps of them.
-    pub fn take(scene: &Scene, plan: &Plan) -> Result<Samples> {
+    pub fn take(scene: &Scene, plan: &Plan, clock: Clock<'_>) -> Result<Samples> {
         let mut maps = Maps::default();
-        let volume = if plan.volume_photons > 0 { Some(of_media(scene, plan, &mut maps)?) } else { None };
-        let mut on_surfaces =
-            |kind| if wanted(plan, kind) > 0 { of_surfaces(scene, plan, kind, &mut maps).map(Some) } else { Ok(None) };
+        let volume = if plan.volume_photons > 0 { Some(of_media(scene, plan, &mut maps, clock)?) } else { None };
+        let mut on_surfaces = |kind| {
+            if wanted(plan, kind) > 0 { of_surfaces(scene, plan, kind, &mut maps, clock).map(Some) } else { Ok(None) }
+        };
         let (caustic, global) = (on_surfaces(Kind::Caustic)?, on_surfaces(Kind::Global)?);
         let shadow = shadow_order(plan, 0).map(|order| {
-            let shadows = trace_shadows(scene, &order, &|| false);
-            let map = VisibilityMap::build(&shadows.photons, scene.lights.len());
+            let (shadows, traced_in) = timed(clock, || trace_shadows(scene, &order, &|| false));
+            let (map, built_in) = timed(clock, || VisibilityMap::build(&shadows.photons, scene.lights.len()));
             let (stored, emitted) = (shadows.photons.len() as u64, shadows.emitted);
             let bytes = map.bytes() as u64;
             maps.visibility = Some(map);
-            Expected { stored, emitted, bytes, ..Expected::default() }
+            Expected { stored, emitted, bytes, sampled: emitted, traced_in, built_in, ..Expected::default() }
         });
-        let unread = plan.unread.as_ref().map(|unread| Samples::take(scene, unread)).transpose()?.map(Box::new);
-        Ok(Samples { volume, caustic, global, shadow, unread, maps })
+        let unread = plan.unread.as_ref().map(|unread| Samples::take(scene, unread, clock)).transpose()?.map(Box::new);
+        let distances = scene.distances.iter().flatten().map(|field| field.bytes() as u64).sum();
+        Ok(Samples { volume, caustic, global, shadow, unread, maps, distances })
     }
 
     /// How many times as many photons as in the map of those that were traced in media are met in that of all.
@@ -109,19 +120,20 @@ impl Samples {
     /// The most bytes of maps and of photons that are not in one yet. Those of media leave as their map is filled, and those on surfaces
     /// come later, beside it.
     pub fn building_bytes(&self) -> u64 {
-        let media = self.volume.as_ref().map_or(0, traced_bytes);
-        media.max(self.volume_bytes() + self.surface_bytes() + self.landed_bytes())
-    }
-
-    /// The most bytes of photons that the allocator keeps when they are in a map: what it holds in small pieces it does not return.
-    pub fn kept_bytes(&self) -> u64 {
-        const SMALL: u64 = 32 << 20;
-        (self.volume.as_ref().map_or(0, traced_bytes) + self.landed_bytes()).min(SMALL) / 2
-    }
-
-    /// Bytes of the photons of a map on surfaces, of the larger one.
-    fn landed_bytes(&self) -> u64 {
-        [&self.caustic, &self.global].into_iter().flatten().map(traced_bytes).max().unwrap_or(0)
+        let of = |map: &Option<Expected>| map.as_ref().map_or(0, traced_bytes);
+        let [media, caustic, global] = [&self.volume, &self.caustic, &self.global].map(of);
+        // Beside all photons there are, at first, chunks of those that are traced at once, with regions, and then half of the map before half of the
+        // photons are given back. Where distance fields grow between chunks, the allocator keeps all of these.
+        let chunks = |found: &Expected| found.stored * size_of::<(u32, Photon)>() as u64;
+        let tracing = self.volume.as_ref().map_or(0, |found| match self.distances {
+            0 => {
+                let at_once = all(chunks(found), found.emitted, at_once(found.emitted).min(found.emitted));
+                media + at_once.max(found.bytes / 2)
+            }
+            fields => media + chunks(found) + found.bytes / 2 + fields,
+        });
+        let landing = self.volume_bytes() + (2 * caustic).max(caustic + 2 * global);
+        tracing.max(landing).max(self.volume_bytes() + self.surface_bytes() + caustic.max(global))
     }
 
     /// Bytes of the maps of photons on surfaces.
@@ -141,8 +153,9 @@ fn all(part: u64, emitted: u64, planned: u64) -> u64 {
     (part as f64 * planned as f64 / emitted.max(1) as f64).round() as u64
 }
 
-fn of_media(scene: &Scene, plan: &Plan, found: &mut Maps) -> Result<Expected> {
-    let traced = sample(scene, &order(plan, 0), ENOUGH)?;
+fn of_media(scene: &Scene, plan: &Plan, found: &mut Maps, clock: Clock<'_>) -> Result<Expected> {
+    let (traced, traced_in) = timed(clock, || sample(scene, &order(plan, 0), ENOUGH));
+    let traced = traced?;
     let Traced { emitted, planned, events, aimed, forced, .. } = traced;
     let scaled = |part: usize| all(part as u64, emitted, planned);
     let mut expected = Expected {
@@ -151,6 +164,8 @@ fn of_media(scene: &Scene, plan: &Plan, found: &mut Maps) -> Result<Expected> {
         events: (planned as f64 * events) as u64,
         aimed,
         forced,
+        sampled: emitted,
+        traced_in,
         ..Expected::default()
     };
     if expected.stored == 0 {
@@ -161,7 +176,8 @@ fn of_media(scene: &Scene, plan: &Plan, found: &mut Maps) -> Result<Expected> {
     // As wide as all of them will be. Those for rays that surfaces spread are as large as their number says.
     let thinned = Plan { radius: plan.radius.among(emitted as f64 / planned as f64), spreads: false, ..plan.clone() };
     let extinctions = mean_extinctions(scene, &traced.regions);
-    let maps = Maps::build(scene, &thinned, 0, &extinctions, traced.regions);
+    let (maps, built_in) = timed(clock, || Maps::build(scene, &thinned, 0, &extinctions, traced.regions));
+    expected.built_in = built_in;
     expected.fullness = planned as f64 / emitted as f64;
     let one_in = sparse::one_in(expected.stored as usize).filter(|_| plan.spreads && plan.points.is_none());
     expected.sparse_fullness = expected.fullness * one_in.map_or(1.0, |one_in| met(plan.radius, one_in as u32));
@@ -196,8 +212,9 @@ fn met(radius: Radius, one_in: u32) -> f64 {
     }
 }
 
-fn of_surfaces(scene: &Scene, plan: &Plan, kind: Kind, found: &mut Maps) -> Result<Expected> {
-    let landed = sample_surfaces(scene, &surface_order(plan, kind, 0), ENOUGH)?;
+fn of_surfaces(scene: &Scene, plan: &Plan, kind: Kind, found: &mut Maps, clock: Clock<'_>) -> Result<Expected> {
+    let (landed, traced_in) = timed(clock, || sample_surfaces(scene, &surface_order(plan, kind, 0), ENOUGH));
+    let landed = landed?;
     let Landed { emitted, planned, events, aimed, from_media_only, why_none, .. } = landed;
     let scaled = |part: usize| all(part as u64, emitted, planned);
     let mut expected = Expected {
@@ -207,6 +224,8 @@ fn of_surfaces(scene: &Scene, plan: &Plan, kind: Kind, found: &mut Maps) -> Resu
         aimed,
         from_media_only,
         why_none,
+        sampled: emitted,
+        traced_in,
         ..Expected::default()
     };
     if kind == Kind::Global {
@@ -218,12 +237,16 @@ fn of_surfaces(scene: &Scene, plan: &Plan, kind: Kind, found: &mut Maps) -> Resu
     match kind {
         Kind::Caustic => {
             let (reach, filter) = plan.caustics;
-            let map = SurfaceMap::build(scene, (kind, landed.photons), reach, filter, 1.0);
+            let photons = (kind, landed.photons);
+            let (map, built_in) = timed(clock, || SurfaceMap::build(scene, photons, reach, filter, 1.0));
+            expected.built_in = built_in;
             expected.bytes = scaled(map.bytes());
             found.caustic = Some(map);
         }
         Kind::Global => {
-            let map = GlobalMap::build(scene, (landed.photons, landed.scattered), &plan.global, 1.0);
+            let photons = (landed.photons, landed.scattered);
+            let (map, built_in) = timed(clock, || GlobalMap::build(scene, photons, &plan.global, 1.0));
+            expected.built_in = built_in;
             expected.bytes = scaled(map.bytes());
             expected.irradiances = scaled(map.irradiance_bytes());
             if let Some(places) = expected.stored.checked_div(u64::from(plan.global.precomputed)) {

@@ -77,6 +77,36 @@ impl Unit {
     }
 }
 
+/// How long a part of some work took.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Timed {
+    /// The part.
+    pub work: Work,
+    /// Seconds of one thread.
+    pub seconds: f64,
+}
+
+impl Timed {
+    /// A part of work, and how long it took, if that is known; `None` where it is too short for a clock that ticks a hundred times a second.
+    pub fn new(work: Work, seconds: Option<f64>) -> Option<Timed> {
+        let seconds = seconds.filter(|seconds| *seconds >= SHORTEST && !work.is_none())?;
+        Some(Timed { work, seconds })
+    }
+}
+
+/// Seconds that can be told from nothing by a clock that ticks a hundred times a second.
+pub(super) const SHORTEST: f64 = 0.05;
+
+/// Tells seconds that were computed, where the system does.
+pub(super) type Clock<'a> = &'a dyn Fn() -> Option<f64>;
+
+/// Does something, and tells how long that took.
+pub(super) fn timed<T>(clock: Clock<'_>, what: impl FnOnce() -> T) -> (T, Option<f64>) {
+    let start = clock();
+    let result = what();
+    (result, clock().zip(start).map(|(end, start)| end - start))
+}
+
 /// How often a render does each of these things, all passes together.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Work([f64; UNITS]);
@@ -149,6 +179,12 @@ impl Costs {
     /// Seconds of one thread that this work takes.
     pub fn seconds(&self, work: &Work) -> f64 {
         1e-9 * self.0.iter().zip(work.0).map(|(cost, count)| cost * count).sum::<f64>()
+    }
+
+    /// Seconds that work takes of which a part was done: as many times as long as that took as it costs more.
+    pub(super) fn seconds_by(&self, work: &Work, part: Option<&Timed>) -> f64 {
+        let dearness = part.map_or(1.0, |part| part.seconds / self.seconds(&part.work));
+        dearness * self.seconds(work)
     }
 
     /// With these units so many times as dear.
