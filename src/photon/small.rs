@@ -30,7 +30,8 @@ const SMALL: f32 = 2.0;
 #[derive(Debug)]
 pub struct SmallSolids<'s> {
     scene: &'s Scene,
-    /// By shape, half of the longest edge of its box; infinite for those that bound no solid, and those that light does not pass.
+    /// By shape, half of the longest edge of its box; infinite for those that bound no solid, those that light does not pass,
+    /// and those that walls stand at, which discs may well be parallel to: a layer between mirrors is no puff.
     sizes: Vec<f32>,
     /// The least of them.
     least: f32,
@@ -42,8 +43,14 @@ impl<'s> SmallSolids<'s> {
     /// Those of a scene.
     pub fn of(scene: &'s Scene) -> Self {
         let size = |(shape, surface): (u32, &Surface)| {
-            let passed = surface.solid.is_some() && !surface.material.shades();
-            if passed { 0.5 * scene.geometry.bounds(shape).size().max_element() as f32 } else { f32::INFINITY }
+            if surface.solid.is_none() || surface.material.shades() {
+                return f32::INFINITY;
+            }
+            let (bounds, mut free) = (scene.geometry.bounds(shape), true);
+            scene.geometry.boxes_overlapping(&bounds, |other| {
+                free &= other == shape || !scene.surfaces[other as usize].material.is_wall();
+            });
+            if free { 0.5 * bounds.size().max_element() as f32 } else { f32::INFINITY }
         };
         let sizes: Vec<f32> = (0..).zip(&scene.surfaces).map(size).collect();
         let mut largest = vec![0.0f32; scene.regions as usize];
