@@ -5,7 +5,7 @@
 //! photon's region is found by looking at places on the disc, over all directions, and the photon counts as much more: each ray's light
 //! is spread over a disc's width then, and none is lost or made up.
 //!
-//! Places are drawn until [`HITS`] of them lie in the region: their number over that of hits is 1 over the share on average, however small
+//! Places are drawn until some of them lie in the region: their number over that of hits is 1 over the share on average, however small
 //! that is, as the share's inverse would not be (inverse binomial sampling; Haldane 1945, "On a method of estimating frequencies").
 
 use rayon::prelude::*;

@@ -15,7 +15,7 @@ use crate::math::{DVec3, Rgb, Stream};
 /// What goes along `o` is asked for at the base, by the way that light from there would take back into the coat:
 /// ∫ f_b(i′→o′) v(o′→o) dω′ = E[w f_b(i′→o′)] cos θ_o (n₁/n₂)², with o′ drawn by the walk from o into the coat, and w its weight; bases that
 /// are narrower than the coat are drawn from, and the coat's facets asked instead. A Lambertian base under a rough dielectric sends what the coat lets pass
-/// evenly, and what passes is [tabulated](super::transmittance): f(i→o) = T(i) T(o) (n₁/n₂)² ρ / (π (1 − ρ (1 − T̄))), beside what the coat reflects. Where both coat and base reflect shares a and b
+/// evenly, and what passes is tabulated: f(i→o) = T(i) T(o) (n₁/n₂)² ρ / (π (1 − ρ (1 − T̄))), beside what the coat reflects. Where both coat and base reflect shares a and b
 /// of light specularly, what is on its way out goes to and fro between them: 1 + ab + (ab)² + … = 1/(1 − ab) times. A smooth dielectric
 /// over a Lambertian base needs no walk: its sum is known in closed form.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
