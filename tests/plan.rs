@@ -189,13 +189,15 @@ fn what_is_forced_changes_no_light() {
 }
 
 /// Air without an end under a sun is left to paths where few photons would come near, or where the camera sees farther than they are traced; who
-/// asks for photons is told. Fog no wider than the scene is left to photons.
+/// asks for photons is told. Fog no wider than the scene is left to photons, and so is smoke, which has an end.
 #[test]
 fn air_without_an_end_is_left_to_paths() {
-    let air = |sigma: f64, height: f64, camera: &str| {
+    let thins = |height: f64| format!("{{ type = \"exponential\", scale_height = {height} }}");
+    let smoke = "{ type = \"vdb\", file = \"../../media/smoke.vdb\", transform = [{ scale = 100 }] }".to_string();
+    let air = |sigma: f64, density: &str, camera: &str| {
         format!(
             "[film]\nwidth = 24\nheight = 16\n[camera]\n{camera}\n\
-             [media.air]\nsigma_s = {sigma}\nsigma_a = {}\ndensity = {{ type = \"exponential\", scale_height = {height} }}\n\
+             [media.air]\nsigma_s = {sigma}\nsigma_a = {}\ndensity = {density}\n\
              [world]\nmedium = \"air\"\n\
              [materials.white]\ntype = \"lambert\"\nreflectance = 0.5\n\
              [[shapes]]\ntype = \"box\"\nmin = [-20, -1, -20]\nmax = [20, 0, 20]\nmaterial = \"white\"\n\
@@ -205,11 +207,14 @@ fn air_without_an_end_is_left_to_paths() {
     };
     let down = "position = [0, 30, 10]\ntarget = [0, 0, 0]";
     let far = "position = [0, 12, 10]\ntarget = [0, 11, 0]";
-    for (sigma, height, camera, why) in
-        [(0.02, 4.0, down, Some("times as wide")), (0.5, 1.0, far, Some("farther away")), (0.5, 1.0, down, None)]
-    {
+    for (sigma, density, camera, why) in [
+        (0.02, thins(4.0), down, Some("times as wide")),
+        (0.5, thins(1.0), far, Some("farther away")),
+        (0.5, thins(1.0), down, None),
+        (0.02, smoke, down, None),
+    ] {
         let told = |automatic: bool| {
-            let text = air(sigma, height, camera);
+            let text = air(sigma, &density, camera);
             let (scene, mut settings) = built(&text, &["render.samples=1", "photons.volume=2000"]);
             if automatic {
                 settings.render.automatic = true;

@@ -2,13 +2,13 @@
 
 use rayon::prelude::*;
 
+use super::air;
 use super::camera::Camera;
 use super::eye::{Component, Context, Eye, Path};
 use super::limits::Limits;
 use super::numbers::{global_photons, volume_photons};
 use super::plan::Plan;
 use super::tile::{by_paths, eye_settings, set_out};
-use super::warnings;
 use crate::Result;
 use crate::gather::Queue;
 use crate::math::Stream;
@@ -60,8 +60,8 @@ const DARK: f64 = 0.01;
 /// Chooses between paths and photons for a scene that leaves the method to the plan ([`Render::automatic`]); `None` where it names one. The choice depends
 /// on scene, seed and settings alone.
 ///
-/// Paths are chosen where photons from infinity are traced through [wide air](Scene::has_wide_air), or air is seen beyond where they are; and where nothing mirrors or refracts a light of less than 0.05 sr, which may throw caustics that a few paths do not tell of, and where a pilot of paths
-/// finds that the picture's camera samples leave a relative squared error of 0.002 or less, or, where N photons cost more than the S samples of P pixels, 0.001 (1 + N/P S), up
+/// Paths are chosen where nothing mirrors or refracts a light of less than 0.05 sr, which may throw caustics that a few paths do not tell of, and where photons from infinity
+/// would be traced through [wide air](Scene::has_wide_air), or air is seen beyond where they are; or where a pilot of paths finds that the picture's camera samples leave a relative squared error of 0.002 or less, or, where N photons cost more than the S samples of P pixels, 0.001 (1 + N/P S), up
 /// to 0.005; or that, of the noise they leave, so little is of light that photons would gather, V_g against V of all other, that photons cost more than they save: V_g P S < V N.
 ///
 /// # Errors
@@ -76,14 +76,7 @@ pub fn choose(scene: &Scene, settings: &Settings) -> Result<Option<Choice>> {
     }
     let by_paths = Settings { render: Render { method: Method::Path, ..settings.render.clone() }, ..settings.clone() };
     let camera = Camera::new(&scene.camera, &settings.film);
-    if scene.has_wide_air() {
-        let width = scene.width_of_air();
-        let why = format!("as photons from infinity would be traced through air {width:.1} times as wide as the scene");
-        return Ok(Some(Choice { method: Method::Path, why }));
-    }
-    let beyond = warnings::seen_beyond(scene, &camera);
-    if beyond > warnings::BEYOND {
-        let why = format!("as {:.1} % of what is seen is air farther away than photons are traced", 100.0 * beyond);
+    if let Some(why) = air::left_to_paths(scene, &camera) {
         return Ok(Some(Choice { method: Method::Path, why }));
     }
     let plan = Plan::new(scene, &by_paths, &camera, &Limits::default())?;

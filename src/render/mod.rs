@@ -1,5 +1,6 @@
 //! From a scene to pixels.
 
+mod air;
 mod camera;
 pub mod checkpoint;
 mod choice;

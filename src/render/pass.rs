@@ -4,6 +4,7 @@ use std::ops::RangeInclusive;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Instant;
 
+use super::air;
 use super::camera::Camera;
 use super::clock::Clock;
 use super::film::Film;
@@ -119,7 +120,7 @@ pub(super) fn run(
     if plan.method == Method::Light {
         warnings.extend(warnings::pinhole_in_medium(scene, &camera));
         warnings.extend(warnings::endless_glow(scene, Method::Light));
-        warnings.extend(warnings::endless_air(scene, &camera, Method::Light));
+        warnings.extend(air::warning(scene, &camera, Method::Light));
     }
     let mut renderer = Renderer { scene, camera, plan, shared, progress, stop, clock, film, stats, warnings };
     let passes = limits.counted(settings, renderer.plan.parts);
@@ -309,7 +310,7 @@ impl<P: Progress> Renderer<'_, P> {
         }
         if first {
             self.warnings.extend(warnings::endless_glow(scene, Method::Photon));
-            self.warnings.extend(warnings::endless_air(scene, &self.camera, Method::Photon));
+            self.warnings.extend(air::warning(scene, &self.camera, Method::Photon));
         }
 
         // Their maps.

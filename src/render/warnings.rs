@@ -4,8 +4,6 @@ use super::camera::Camera;
 use super::eye::BRIGHTEST;
 use super::maps::{Summary, medium_of, tells_fluence};
 use super::plan::Plan;
-use crate::math::Stream;
-use crate::math::random::Purpose;
 use crate::photon::Traced;
 use crate::scene::Scene;
 use crate::scene::description::Method;
@@ -57,63 +55,6 @@ pub(super) fn endless_glow(scene: &Scene, method: Method) -> Option<String> {
             method.name()
         )
     })
-}
-
-/// Looks across and down a picture that tell what is seen of the air beyond where light from infinity is traced.
-const LOOKS: u32 = 32;
-/// What photons leave out is worth telling from this share of what is seen on.
-pub(super) const BEYOND: f64 = 0.005;
-/// Air so many times as wide as a scene leaves more noise of photons than one wants.
-const NOISY_AIR: f64 = 4.0;
-
-/// The share of camera rays that collide with the world's medium farther away than photons are traced, which start
-/// [around the scene](crate::light::Surroundings) if they come from infinity: as over fog that reaches to the horizon.
-pub(super) fn seen_beyond(scene: &Scene, camera: &Camera) -> f64 {
-    let Some(medium) = scene.world.map(|world| &scene.media[world as usize]) else { return 0.0 };
-    let has_end = medium.density.support().size().is_finite() || medium.density.is_endless();
-    let inside = scene.inside(camera.position);
-    if has_end || !medium.scatters() || scene.emitters.infinite().is_empty() || scene.medium(&inside) != scene.world {
-        return 0.0;
-    }
-    let (width, height) = camera.size();
-    let places = |of: u32| {
-        (0..of.min(LOOKS)).map(move |i| (f64::from(of) * (f64::from(i) + 0.5) / f64::from(of.min(LOOKS))) as u32)
-    };
-    let (mut sum, mut looks) = (0.0, 0.0);
-    for (x, y) in places(height).flat_map(|y| places(width).map(move |x| (x, y))) {
-        let pixel = u64::from(y) * u64::from(width) + u64::from(x);
-        let ray = camera.ray(x, y, &mut Stream::new(0, Purpose::Choice, pixel, 0));
-        let from = ray.origin - scene.surroundings.center;
-        let (toward, radius) = (from.dot(ray.direction), scene.surroundings.radius);
-        let leaves = (toward * toward - from.length_squared() + radius * radius).max(0.0).sqrt() - toward;
-        let ends = scene.geometry.nearest_where(&ray, 0.0, f64::INFINITY, |_| true);
-        looks += 1.0;
-        if ends > leaves {
-            let left =
-                |a: f64, b: f64| (-medium.extinction * medium.density.depth(&ray, a, b)).exp().element_sum() / 3.0;
-            sum += left(0.0, leaves) * (1.0 - left(leaves, ends));
-        }
-    }
-    sum / looks
-}
-
-/// Of air without an end that light from infinity lights: whether what is scattered far away is left out of a picture, or few photons come near.
-pub(super) fn endless_air(scene: &Scene, camera: &Camera, method: Method) -> Option<String> {
-    let (share, width) = (seen_beyond(scene, camera), scene.width_of_air());
-    let (name, method) = (&scene.media[scene.world? as usize].name, method.name());
-    let what = if share > BEYOND {
-        let share = 100.0 * share;
-        format!(
-            "{share:.1} % of what the camera sees is medium {name} farther away than light from infinity is traced, and is black by method \"{method}\""
-        )
-    } else if width > NOISY_AIR {
-        format!(
-            "medium {name} has no end, and light from infinity is traced through air {width:.0} times as wide as the scene, of which method \"{method}\" brings little near"
-        )
-    } else {
-        return None;
-    };
-    Some(format!("{what}: put the medium into a shape, or use method \"path\""))
 }
 
 /// Where discs are wider than this many mean free paths, light is blurred across the layer it enters by.

@@ -310,13 +310,18 @@ impl Scene {
         self.bounds_with(near.fold(Bounds::EMPTY, Bounds::union), self.near)
     }
 
-    /// How many times as wide as what is near the [surroundings](Scene::surroundings) are that light from infinity reaches, if the world's medium scatters it
-    /// on its way; 0 if it does not.
+    /// The world's medium, if it scatters light from infinity that shines on it and thins out without an end, as an atmosphere does.
+    pub fn lit_air(&self) -> Option<&Medium> {
+        let medium = &self.media[self.world? as usize];
+        let thins_out = !medium.density.is_endless() && !medium.density.support().size().is_finite();
+        (thins_out && medium.scatters() && !self.emitters.infinite().is_empty()).then_some(medium)
+    }
+
+    /// How many times as wide as what is near the [surroundings](Scene::surroundings) are to which photons from infinity are traced through [air](Scene::lit_air);
+    /// 0 where there is none.
     pub fn width_of_air(&self) -> f64 {
-        let scatters = self.world.is_some_and(|world| self.media[world as usize].scatters());
         let near = 0.5 * self.near_bounds().diagonal();
-        let lit = scatters && near > 0.0 && !self.emitters.infinite().is_empty();
-        if lit { self.surroundings.radius / near } else { 0.0 }
+        if self.lit_air().is_some() && near > 0.0 { self.surroundings.radius / near } else { 0.0 }
     }
 
     /// Whether that is so wide that few photons from infinity come near: one in four, or fewer.
