@@ -1,7 +1,8 @@
 use super::fresnel::mean_transmittance;
 use super::ggx::MOST_FACETS;
 use super::rough::Rough;
-use super::{Dielectric, Incidence, Lobe, Nature, Parameter, Scattering, Schlick, fresnel, transmittance};
+use super::transmittance::Transmittance;
+use super::{Dielectric, Incidence, Lobe, Nature, Parameter, Scattering, Schlick, fresnel};
 use crate::math::{DVec3, Rgb, Stream};
 
 /// What lies over the base of a [`Coated`](super::Coated) surface, without thickness. Directions are in coordinates whose z points out of it.
@@ -61,9 +62,9 @@ impl Varnish {
         }
     }
 
-    /// The parts that pass it from outside of light from an angle of this cosine and of diffuse light, where they are known.
-    pub(super) fn passed(&self, cos: f64) -> Option<(f64, f64)> {
-        transmittance::passed(cos, self.roughness, self.index / self.outside)
+    /// What passes its rough boundary from outside, where that is known.
+    pub(super) fn transmittance(&self) -> Option<Transmittance> {
+        Transmittance::new(self.roughness, self.index / self.outside)
     }
 
     /// The indices on the side of arrival and beyond.

@@ -1,7 +1,8 @@
-use super::coat::{Coat, Crossed, Varnish, flipped, met};
+use super::coat::{Coat, Crossed, flipped, met};
 use super::ggx::Ggx;
-use super::glaze::Glaze;
+use super::glaze::{Glaze, returned};
 use super::lambert::{cosine, cosine_density};
+use super::transmittance::Transmittance;
 use super::{Drawn, Incidence, Lobe, Mirror, Nature, Reflector, Scattering};
 use crate::math::{DVec3, Rgb, Stream};
 
@@ -46,25 +47,17 @@ impl Coated {
         }
     }
 
-    /// A Lambertian base's reflectance, and the rough dielectric over it.
-    fn varnish(&self) -> Option<(Rgb, &Varnish)> {
-        match (&self.base, &self.coat) {
+    /// Of a Lambertian base under a rough dielectric, where it is known what passes that: what the base sends with all that comes back to it of what the coat returns,
+    /// in radiance under the coat against that without: ρ (n₁/n₂)²/(1 − ρ (1 − T̄)); and what passes.
+    fn varnish(&self) -> Option<(Rgb, Transmittance)> {
+        match (self.base, self.coat) {
             (Reflector::Lambert(base), Coat::Dielectric(varnish)) if varnish.roughness > 0.0 => {
-                Some((base.reflectance, varnish))
+                let (passes, spreads) = (varnish.transmittance()?, self.coat.spreads());
+                // As much comes out of the denser side as went in.
+                Some((spreads * returned(base.reflectance, spreads * passes.diffuse()), passes))
             }
             _ => None,
         }
-    }
-
-    /// What leaves along `out` of light that came to the base, in radiance for π of irradiance, with all that the coat returned and the part of light that
-    /// passes from along `out`: (T(o) (n₁/n₂)² ρ/(1 − ρ (1 − T̄)), T(o)). `None` where that is not known.
-    fn sent_by_base(&self, out: f64) -> Option<(Rgb, f64)> {
-        let (reflectance, varnish) = self.varnish()?;
-        let (passed, diffuse) = varnish.passed(out)?;
-        let spreads = self.coat.spreads();
-        // As much comes out of the denser side as went in.
-        let returned = reflectance / (Rgb::ONE - reflectance * (1.0 - spreads * diffuse));
-        Some((passed * spreads * returned, passed))
     }
 
     pub(super) fn is_walked(&self) -> bool {
@@ -145,11 +138,10 @@ impl Coated {
         }
 
         // What the base sends, where that is known, beside the coat.
-        if let Some((sent, _)) = self.sent_by_base(leaving.z)
-            && let Some((_, passed)) = self.sent_by_base(-arriving.z)
-        {
+        if let Some((sent, passes)) = self.varnish() {
             let cosine = cosine_density(DVec3::Z, leaving);
-            part(weight, Scattering { value: sent * (passed * cosine), ahead: Rgb::splat(cosine) });
+            let value = sent * (passes.from(-arriving.z) * passes.from(leaving.z) * cosine);
+            part(weight, Scattering { value, ahead: Rgb::splat(cosine) });
             self.coat.cross(Some(self.passing(at)), arriving, &mut weight, stream, Some(leaving), part);
             return;
         }
@@ -262,11 +254,9 @@ impl Coated {
         }
 
         // The base, where it is known what leaves.
-        if self.varnish().is_some() {
+        if let Some((sent, passes)) = self.varnish() {
             let (direction, density) = cosine(DVec3::Z, stream);
-            if let Some((sent, _)) = self.sent_by_base(direction.z) {
-                return leaves(direction, factor * sent, density);
-            }
+            return leaves(direction, factor * sent * passes.from(direction.z), density);
         }
 
         // Between base and coat.

@@ -17,15 +17,20 @@ pub(super) struct Glaze {
     pub varnish: Varnish,
 }
 
+/// ρ and all that comes of what a boundary returns that lets this share of diffuse light out.
+pub(super) fn returned(reflectance: Rgb, passes: f64) -> Rgb {
+    reflectance / (Rgb::ONE - reflectance * (1.0 - passes))
+}
+
 impl Glaze {
     /// F of light that meets the boundary from outside.
     fn reflected(&self, cos: f64) -> f64 {
         fresnel(cos, self.varnish.outside, self.varnish.index)
     }
 
-    /// ρ and all that comes of what the boundary returns: what leaves the base for what first came in.
+    /// What leaves the base for what first came in.
     fn returned(&self) -> Rgb {
-        self.reflectance / (Rgb::ONE - self.reflectance * (1.0 - self.varnish.passes))
+        returned(self.reflectance, self.varnish.passes)
     }
 
     /// What passes the boundary towards `o`, in radiance.
