@@ -64,8 +64,14 @@ fn table(scenes: &[PathBuf], width: u32) -> Outcome<()> {
     let mut ratios: [Vec<f64>; 2] = Default::default();
     for scene in scenes {
         let name = scene.to_str().ok_or("a scene's name is no text")?;
-        // A scene of `stress` is refused.
-        let Ok(told) = numbers(&["plan", name, &width.to_string(), &costs]) else { continue };
+        // Some scenes of `stress` are refused.
+        let told = match numbers(&["plan", name, &width.to_string(), &costs]) {
+            Ok(told) => told,
+            Err(error) => {
+                eprintln!("{name}: {error}");
+                continue;
+            }
+        };
         let took = numbers(&["render", name, &width.to_string()])?;
         let [bytes, seconds] = [told[0] / took[0], told[1] / took[1]];
         let tells = took[1] >= SHORTEST;
@@ -123,8 +129,8 @@ fn plan(path: &Path, width: u32, costs: &Costs) -> Outcome<()> {
         let (scene, settings, choice) = load(path, width)?;
         let memory = resident_bytes().zip(peak_bytes());
         let mut forecast = Forecast::timed(&scene, &settings, &Limits::default(), choice.as_ref(), &cpu_seconds)?;
-        if let Some((resident, most)) = memory {
-            forecast.bytes.foretell(resident, most);
+        if let Some(memory) = memory {
+            forecast.bytes.foretell(memory, 1);
         }
         forecast.price(costs, true);
         Ok(forecast)

@@ -43,12 +43,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         return if arguments.calibrate { Ok(()) } else { Err(Error::Usage(asked)) };
     };
     let measured = costs::read()?;
-    let loaded = super::pool(planned.threads)?.install(|| planned.load())?;
+    let pool = super::pool(planned.threads)?;
+    let loaded = pool.install(|| planned.load())?;
     let memory = resident_bytes().zip(peak_bytes());
     let limits = Limits { memory: planned.memory, forced: arguments.force.forced.clone(), ..Limits::default() };
     let Loaded { scene, settings, choice, .. } = &loaded;
     let mut forecast = match &measured {
-        None => super::pool(planned.threads)?.install(|| Forecast::new(scene, settings, &limits, choice.as_ref()))?,
+        None => pool.install(|| Forecast::new(scene, settings, &limits, choice.as_ref()))?,
         // On one thread, as its seconds are told.
         Some(measured) => {
             let timed = || Forecast::timed(scene, settings, &limits, choice.as_ref(), &cpu_seconds);
@@ -57,8 +58,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             forecast
         }
     };
-    if let Some((resident, most)) = memory {
-        forecast.bytes.foretell(resident, most);
+    if let Some(memory) = memory {
+        forecast.bytes.foretell(memory, pool.current_num_threads());
     }
     for warning in &loaded.scene.warnings {
         super::tell(format_args!("warning: {warning}"));

@@ -199,7 +199,7 @@ fn look(scene: &Scene, camera: &Camera, plan: &Plan, samples: &Samples, clock: C
         onward.times(if seen.sent > 0.0 { rays / seen.sent } else { 0.0 }) + finds
     };
     let ((filled, are_all), seconds) = timed(clock, || some_records(scene, camera, plan, &eye, cache, &stop));
-    let few = (filled.len() as f64) * f64::from(Cells::about(FEW_RAYS).count() as u32);
+    let few = (filled.len() * Cells::about(FEW_RAYS).count()) as f64;
     let records = most_records(camera.size(), plan.samples, &cache).min(filled.len() as u64);
     let sent = records as f64 * cache.rays() as f64;
     let records = (work(sent, samples.sparse_fullness()), Timed::new(work(few, 1.0), seconds));

@@ -99,18 +99,25 @@ pub struct Bytes {
     /// What the film takes while pixels are summed: all but the picture that is made of it.
     #[serde(skip)]
     sums: u64,
+    /// Photons as they were traced, at most at one time.
+    #[serde(skip)]
+    traced: u64,
     /// The most that the process will hold; only where [`Bytes::foretell`] was told what it holds already.
     pub peak: Option<u64>,
 }
 
 impl Bytes {
-    /// Foretells the most that a process will hold which has loaded the scene: that takes `resident` bytes now, and took `most` meanwhile.
-    pub fn foretell(&mut self, resident: u64, most: u64) {
+    /// Foretells the most that a process will hold which has loaded the scene and will render on so many threads: that takes `resident` bytes now, and
+    /// took `most` meanwhile.
+    pub fn foretell(&mut self, (resident, most): (u64, u64), threads: usize) {
+        // Threads beside the first get memory of their own for photons that they trace, of which the allocator keeps about so much each.
+        const KEPT: u64 = 4 << 20;
+        let kept = (self.traced / 2).min(KEPT * threads.saturating_sub(1) as u64);
         // What threads and pilots hold; found on the scenes of `scenes/`.
         const SCRATCH: u64 = 1 << 20;
         // Maps are gone before the picture is made.
         let rendering = (self.sums + self.building).max(self.film);
-        self.peak = Some((resident + rendering + SCRATCH).max(most));
+        self.peak = Some((resident + rendering + kept + SCRATCH).max(most));
     }
 }
 
@@ -146,6 +153,7 @@ impl Forecast {
             volume_map: samples.volume_bytes(),
             surface_maps: samples.surface_bytes(),
             building: samples.building_bytes(),
+            traced: samples.traced_bytes(),
             ..forecast.bytes
         };
         Ok(forecast)

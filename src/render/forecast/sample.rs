@@ -136,6 +136,11 @@ impl Samples {
         tracing.max(landing).max(self.volume_bytes() + self.surface_bytes() + caustic.max(global))
     }
 
+    /// The most bytes of photons that are not in a map yet: those of media, or of one of the maps on surfaces.
+    pub fn traced_bytes(&self) -> u64 {
+        [&self.volume, &self.caustic, &self.global].into_iter().flatten().map(traced_bytes).max().unwrap_or(0)
+    }
+
     /// Bytes of the maps of photons on surfaces.
     pub fn surface_bytes(&self) -> u64 {
         let unread = self.unread.as_ref().map_or(0, |unread| unread.surface_bytes());
