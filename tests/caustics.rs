@@ -246,7 +246,7 @@ fn caustics_are_left_out_by_all_methods() {
     // Nothing else changes where nothing is cast: of a path tracer's picture, one layer is gone.
     let layers = |casts: bool| {
         let casts = format!("shapes.ball.casts_caustics={casts}");
-        let film = render(FLAGS, &[&casts, "render.method=path", "render.samples=64"]).film;
+        let film = render(FLAGS, &[&casts, "render.method=path", "render.samples=64", "render.adaptive=false"]).film;
         film.layers()
     };
     let (mut all, rest) = (layers(true), layers(false));

@@ -147,7 +147,7 @@ fn indirect_light_is_what_paths_find() {
             let mut overrides =
                 vec!["photons.volume=10_000", "photons.caustic=20_000", "photons.global=60_000", samples];
             overrides.extend(*set);
-            let found = Estimate::of(4, &format!("{FILM}{scene}"), &overrides);
+            let found = Estimate::of(8, &format!("{FILM}{scene}"), &overrides);
             checks.agree(&format!("{name}, {way}"), &found, &Estimate { mean, standard_error }, 0.01, 0.005);
         }
     }
@@ -258,7 +258,7 @@ fn gather_rays_share_the_noise() {
 fn shadow_photons_spare_rays() {
     let of = |chosen: &str| {
         let film = "[film]\nwidth = 32\nheight = 32\n";
-        let overrides = ["surface.indirect=none", "render.samples=16", chosen];
+        let overrides = ["surface.indirect=none", "render.samples=16", "render.adaptive=false", chosen];
         render(&format!("{film}{ROOM}"), &overrides)
     };
     let (without, with) = (of("surface.shadow_photons=false"), of("surface.shadow_photons=true"));

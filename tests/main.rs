@@ -6,6 +6,7 @@ mod support;
 #[path = "../examples/certified/half_space.rs"]
 mod half_space;
 
+mod adaptive;
 mod beam_against_path;
 mod cameras;
 #[cfg(feature = "cli")]

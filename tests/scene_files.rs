@@ -163,6 +163,7 @@ sun_scale = 0
 [render]
 method = "path"
 samples = 8
+adaptive = false
 light_samples = 4
 passes = 3
 seed = 18446744073709551615
@@ -326,6 +327,7 @@ fn every_key_is_read_as_the_manual_says() {
             automatic: false,
             quality: Quality::High,
             samples: 8,
+            adaptive: false,
             light_samples: 4,
             passes: 3,
             seed: u64::MAX,
@@ -374,6 +376,7 @@ fn a_camera_is_enough() {
             automatic: true,
             quality: Quality::Normal,
             samples: 16,
+            adaptive: true,
             light_samples: 1,
             passes: 1,
             seed: 1,

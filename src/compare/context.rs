@@ -42,7 +42,9 @@ struct Made<'c, T> {
 
 impl<'r> Context<'r> {
     pub fn new(request: &'r Request, watch: &'r dyn Watch, stop: &'r AtomicBool) -> Result<Context<'r>> {
-        let mut set = request.set.clone();
+        // Samples that go where the noise is make estimates unlike in more than what is compared.
+        let mut set = vec!["render.adaptive=false".to_string()];
+        set.extend(request.set.iter().cloned());
         // Layers cost time and memory; only one kind of scattering cannot be told without.
         let components = request.components()?.unwrap_or_default();
         let tells = components.contains(&Component::VolumeSingle) != components.contains(&Component::VolumeMultiple);

@@ -87,6 +87,11 @@ impl<O> Queue<O> {
     pub fn begin(&mut self, fan: Option<Fan>) {
         self.lattices.begin(fan);
     }
+
+    /// How often light was asked for so far: along rays, also where it has yet to be gathered, and by shadow rays.
+    pub fn asked(&self) -> u64 {
+        (self.bundles.len() + self.streams.len()) as u64 + self.stats.queries + self.stats.shadow_rays
+    }
 }
 
 /// Between two samples of a ray that gathers together with others, the optical depth may grow by this much:

@@ -34,6 +34,8 @@ pub enum Purpose {
     Importon = 12,
     /// How wide a light is, for the choice of a method.
     Choice = 13,
+    /// How many samples a pixel takes.
+    Adaptive = 14,
 }
 
 /// What a number of a camera sample, a light path or a photon is for: the first draw of each is spread evenly over a pixel's

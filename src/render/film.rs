@@ -23,13 +23,15 @@ pub struct Film {
     width: u32,
     height: u32,
     layers: Layers,
-    /// Which components the image is the sum of.
-    shown: [bool; COMPONENTS],
+    shown: Shown,
     pass: Pass,
     /// `None` for a film of a single pass, whose sums say all there is.
     finished: Option<Finished>,
     done: Done,
 }
+
+/// Which components the image is the sum of.
+pub(super) type Shown = [bool; COMPONENTS];
 
 /// Sums over the samples of one pass.
 #[derive(Debug)]
@@ -123,6 +125,16 @@ impl Sums {
     pub fn add_to(&mut self, component: Component, radiance: Rgb) {
         self.components[component as usize] += radiance;
     }
+
+    /// What these components add up to.
+    fn total(&self, shown: &Shown) -> Rgb {
+        self.components.iter().zip(shown).filter(|(_, shown)| **shown).map(|(radiance, _)| radiance).sum()
+    }
+
+    /// The mean over the samples.
+    pub(super) fn mean(&self, shown: &Shown) -> Rgb {
+        self.total(shown) / f64::from(self.samples.max(1))
+    }
 }
 
 impl Film {
@@ -188,6 +200,11 @@ impl Film {
         self.shown = Component::ALL.map(|component| components.contains(&component));
     }
 
+    /// Which components the image is the sum of.
+    pub(super) fn shown(&self) -> Shown {
+        self.shown
+    }
+
     /// Pixels across and down.
     pub fn size(&self) -> (u32, u32) {
         (self.width, self.height)
@@ -212,10 +229,8 @@ impl Film {
     pub fn add(&mut self, x: u32, y: u32, sums: &Sums) {
         let at = y as usize * self.width as usize + x as usize;
         let pixel = &mut self.pass.pixels[at];
-        let shown = sums.components.iter().zip(self.shown).filter(|(_, shown)| *shown);
-        let total: Rgb = shown.map(|(radiance, _)| radiance).sum();
         pixel.samples += sums.samples;
-        for (sum, value) in pixel.sum.iter_mut().zip(total.to_array()) {
+        for (sum, value) in pixel.sum.iter_mut().zip(sums.total(&self.shown).to_array()) {
             *sum += value;
         }
         if self.layers.components {

@@ -1,5 +1,6 @@
 //! From a scene to pixels.
 
+mod adaptive;
 mod air;
 mod camera;
 pub mod checkpoint;

@@ -93,6 +93,8 @@ pub struct Plan {
     pub parts: u32,
     /// Camera samples per pixel and part; of [`Method::Light`] as many light paths, too.
     pub samples: u32,
+    /// Whether pixels take more of them where there is noise.
+    pub adaptive: bool,
     /// Shadow rays for each question for light at the first event, if that is at a surface.
     pub light_samples: u32,
     /// The solids around the camera, where they are the same for all of its lens.
@@ -293,6 +295,7 @@ impl Plan {
             boundaries: volume.boundaries,
             profile: profile(volume.profile, Profile::Biweight),
             samples: render.samples.div_ceil(parts),
+            adaptive: render.adaptive && render.method != Method::Light,
             light_samples: render.light_samples,
             inside,
             forced: Vec::new(),

@@ -5,9 +5,10 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
+use super::adaptive::{Allotment, Found, Sounding, Survey, colour, is_sounded, noise};
 use super::camera::Camera;
 use super::eye::{Claim, Context, Eye, EyeSettings, Indirect, Mode, Path};
-use super::film::Sums;
+use super::film::{Shown, Sums};
 use super::irradiance::{Filled, Filler};
 use super::light_tracer::{LightTracer, Origin, Sent};
 use super::maps::{Maps, VolumeMap};
@@ -22,10 +23,13 @@ use crate::scene::{Inside, Scene};
 use crate::transport::{Parts, Tally};
 
 /// Pixels along the edge of a tile, the work of one task.
-const TILE: u32 = 16;
+pub(super) const TILE: u32 = 16;
 
 /// Pixels along the edge of a bundle: its camera rays gather photons together.
 pub(super) const BUNDLE: u32 = 8;
+
+/// The work of light gathered along a ray, or of a shadow ray, in rays that find nothing.
+const QUERY: u64 = 8;
 
 /// Samples a pixel takes before its neighbours' turn, at most.
 const ROUND: u32 = 16;
@@ -33,24 +37,50 @@ const ROUND: u32 = 16;
 /// Sums of a tile's pixels, and what they cost.
 struct Tile {
     sums: Vec<(u32, u32, Sums)>,
+    /// The work that each of them was.
+    work: Vec<u64>,
+    /// What bundles tell of the picture, by one of their pixels, if they are asked.
+    found: Vec<((u32, u32), Found)>,
     gathered: GatherStats,
     tally: Tally,
 }
 
-/// The tiles that the film's window lies in.
+/// Tiles of the picture, whole ones from the top left.
+#[derive(Clone, Copy)]
 struct Tiles {
-    /// The first column and row of tiles.
-    x: u32,
-    y: u32,
     columns: u32,
     rows: u32,
 }
 
 impl Tiles {
-    fn of(Window { x, y, width, height }: Window) -> Self {
-        let (x, y, right, bottom) = (x / TILE, y / TILE, (x + width).div_ceil(TILE), (y + height).div_ceil(TILE));
-        Tiles { x, y, columns: right - x, rows: bottom - y }
+    fn of((width, height): (u32, u32)) -> Self {
+        Tiles { columns: width.div_ceil(TILE), rows: height.div_ceil(TILE) }
     }
+
+    /// The corner of a tile.
+    fn corner(self, tile: u32) -> (u32, u32) {
+        (tile % self.columns * TILE, tile / self.columns * TILE)
+    }
+
+    /// The tiles that a window lies in.
+    fn within(self, Window { x, y, width, height }: Window) -> Vec<u32> {
+        let rows = y / TILE..(y + height).div_ceil(TILE);
+        let across = move |row| (x / TILE..(x + width).div_ceil(TILE)).map(move |column| row * self.columns + column);
+        rows.flat_map(across).collect()
+    }
+}
+
+/// What the samples of a round are for.
+#[derive(Clone, Copy)]
+enum Purpose<'r> {
+    /// The picture.
+    Picture,
+    /// That, and to tell how bright it is.
+    Level,
+    /// That, and to tell where its noise is: by halves, the second from this sample on, beside means of so much.
+    Noise(u32, [f64; 2]),
+    /// What pixels take more than others.
+    More(&'r Allotment),
 }
 
 /// What a thread keeps from one tile to the next: memory.
@@ -71,13 +101,15 @@ struct Round<'r, 's> {
     lamps: Option<&'r LightTracer<'s>>,
     pass: u32,
     samples: Range<u32>,
+    purpose: Purpose<'r>,
+    shown: Shown,
 }
 
 impl<P: Progress> Renderer<'_, P> {
     /// Samples all pixels, in rounds, the first of them short, so that an interrupted image is whole.
     pub(super) fn expose(&mut self, mode: Mode<'_>, maps: Option<&Maps>, pass: u32) {
-        let tiles = Tiles::of(self.camera.window());
-        let tiles = tiles.columns * tiles.rows;
+        let all = Tiles::of(self.camera.size());
+        let within = all.within(self.camera.window());
         // Of light that is sent, camera rays see only what comes straight from an emitter, through sheets at most.
         let sends = self.plan.method == Method::Light;
         let (stop, clock) = (self.stop, self.clock);
@@ -90,11 +122,38 @@ impl<P: Progress> Renderer<'_, P> {
         let mut eye = Eye::new(self.scene, settings);
         let cache = self.fill_cache(&eye, pass);
         eye.keep(cache.as_ref());
-        self.progress.phase("render", (u64::from(tiles) + tasks) * self.plan.samples as u64);
-        let mut from = 0;
-        while from < self.plan.samples && !self.stopped() {
+
+        // Where noise is looked for, tiles outside of the window tell of the picture, too.
+        let sounding = Sounding::new(self.plan.samples).filter(|_| self.plan.adaptive);
+        let mut asked = within.clone();
+        if sounding.is_some() {
+            let count = all.columns * all.rows;
+            asked.extend((0..count).filter(|tile| is_sounded(*tile, count)));
+            asked.sort_unstable();
+            asked.dedup();
+        }
+        let beside = (asked.len() - within.len()) as u64 * sounding.map_or(0, |sounding| u64::from(sounding.taken()));
+        let mut survey = Survey::new((all.columns, all.rows));
+        let mut allotment: Option<Allotment> = None;
+
+        // Rounds.
+        self.progress.phase("render", (within.len() as u64 + tasks) * self.plan.samples as u64 + beside);
+        let (mut from, mut end) = (0, self.plan.samples);
+        while from < end && !self.stopped() {
             let most = if pass == 0 { self.progress.round(from).clamp(1, ROUND) } else { ROUND };
-            let to = self.plan.samples.min(from.saturating_add(most));
+            let (to, purpose) = match (sounding, &allotment) {
+                (Some(_), _) if from == 0 => (1, Purpose::Level),
+                (Some(sounding), None) => (sounding.taken(), Purpose::Noise(1 + sounding.half(), survey.levels())),
+                (_, Some(allotment)) => (end.min(from.saturating_add(most)), Purpose::More(allotment)),
+                (None, None) => (end.min(from.saturating_add(most)), Purpose::Picture),
+            };
+            let tiles = if matches!(purpose, Purpose::Level | Purpose::Noise(..)) { &asked } else { &within };
+            // The samples of a tile are told to be as many as of all others, however they are allotted.
+            let told = |sample: u32| match &allotment {
+                Some(allotment) => (f64::from(self.plan.samples) * allotment.share(sample)) as u64,
+                None => u64::from(sample),
+            };
+            let steps = told(to).saturating_sub(told(from));
             let round = Round {
                 scene: self.scene,
                 camera: &self.camera,
@@ -104,12 +163,15 @@ impl<P: Progress> Renderer<'_, P> {
                 lamps: lamps.as_ref(),
                 pass,
                 samples: from..to,
+                purpose,
+                shown: self.film.shown(),
             };
             // Each thread takes the next tile until there is none: the last ones are short of company for no longer
             // than one takes.
             let next = AtomicU64::new(0);
-            let tasks = u64::from(tiles) + tasks * u64::from(to - from);
-            let image = Mutex::new((&mut self.film, &mut self.stats));
+            let count = tiles.len() as u64;
+            let tasks = count + tasks * u64::from(to - from);
+            let image = Mutex::new((&mut self.film, &mut self.stats, &mut survey));
             let progress = self.progress;
             // Tasks that busy threads do not take find no tile left.
             let work = || {
@@ -119,14 +181,12 @@ impl<P: Progress> Renderer<'_, P> {
                     if number >= tasks {
                         break;
                     }
-                    if let Some(sent) =
-                        number.checked_sub(u64::from(tiles)).and_then(|task| round.send(task, &mut room))
-                    {
+                    if let Some(sent) = number.checked_sub(count).and_then(|task| round.send(task, &mut room)) {
                         if sent.is_broken_off {
                             break;
                         }
                         let mut image = image.lock().unwrap_or_else(PoisonError::into_inner);
-                        let (film, stats) = &mut *image;
+                        let (film, stats, _) = &mut *image;
                         film.splat(&sent.splats, sent.paths);
                         stats.emitted += sent.paths;
                         stats.tally = stats.tally.merge(sent.tally);
@@ -134,21 +194,29 @@ impl<P: Progress> Renderer<'_, P> {
                         progress.advance(1);
                         continue;
                     }
-                    let tile = round.tile(number as u32, &mut room);
+                    let tile = round.tile(all.corner(tiles[number as usize]), &mut room);
                     let mut image = image.lock().unwrap_or_else(PoisonError::into_inner);
-                    let (film, stats) = &mut *image;
+                    let (film, stats, survey) = &mut *image;
                     for (x, y, sum) in &tile.sums {
                         if let Some((x, y)) = round.camera.window().place(*x, *y) {
                             film.add(x, y, sum);
                         }
                     }
+                    for (place, found) in tile.found {
+                        survey.set(place, found);
+                    }
                     stats.gather += tile.gathered;
                     stats.tally = stats.tally.merge(tile.tally);
                     drop(image);
-                    progress.advance(u64::from(to - from));
+                    progress.advance(steps);
                 }
             };
             rayon::scope(|scope| (0..rayon::current_num_threads()).for_each(|_| scope.spawn(|_| work())));
+            if let (Purpose::Noise(..), Some(sounding), false) = (purpose, sounding, self.stopped()) {
+                let allotted = Allotment::new(&survey, sounding, (self.plan.seed, pass));
+                end = allotted.most;
+                allotment = Some(allotted);
+            }
             from = to;
             self.end_round();
         }
@@ -229,7 +297,8 @@ pub(super) fn set_out(
     (pass, sample): (u32, u32),
 ) -> (Stream, Ray, Inside) {
     let pixel = u64::from(y) * u64::from(camera.size().0) + u64::from(x);
-    let number = u64::from(pass) * u64::from(plan.samples) + u64::from(sample);
+    // Passes may take any number of samples.
+    let number = u64::from(pass) << 32 | u64::from(sample);
     let mut stream = Stream::of_sample(plan.seed, pixel, number, (pass, sample));
     let ray = camera.ray(x, y, &mut stream);
     let inside = plan.inside.clone().unwrap_or_else(|| scene.inside(ray.origin));
@@ -271,21 +340,34 @@ impl<'s> Round<'_, 's> {
 
     /// Samples the pixels of a tile. Rays that gather photons together do so in the whole of it, also where the film has a window: what
     /// each of them finds depends on the others by roundings.
-    fn tile(&self, tile: u32, room: &mut Room<'s>) -> Tile {
+    fn tile(&self, corner: (u32, u32), room: &mut Room<'s>) -> Tile {
         let ((width, height), window) = (self.camera.size(), self.camera.window());
-        let together = matches!(self.eye.mode(), Mode::Gather(_));
-        let tiles = Tiles::of(window);
-        let (x0, y0) = ((tiles.x + tile % tiles.columns) * TILE, (tiles.y + tile / tiles.columns) * TILE);
-        let mut done = Tile { sums: Vec::new(), gathered: GatherStats::default(), tally: Tally::default() };
+        let tells = matches!(self.purpose, Purpose::Level | Purpose::Noise(..));
+        let together = tells || matches!(self.eye.mode(), Mode::Gather(_));
+        let mut done = Tile {
+            sums: Vec::new(),
+            work: Vec::new(),
+            found: Vec::new(),
+            gathered: GatherStats::default(),
+            tally: Tally::default(),
+        };
         for part in 0..(TILE / BUNDLE).pow(2) {
-            let (x0, y0) = (x0 + part % (TILE / BUNDLE) * BUNDLE, y0 + part / (TILE / BUNDLE) * BUNDLE);
-            let rays = (BUNDLE * BUNDLE) as usize * self.samples.len();
+            let (x0, y0) = (corner.0 + part % (TILE / BUNDLE) * BUNDLE, corner.1 + part / (TILE / BUNDLE) * BUNDLE);
+            let pixels = (0..BUNDLE * BUNDLE)
+                .map(|index| (x0 + every_second_bit(index), y0 + every_second_bit(index >> 1)))
+                .filter(|(x, y)| *x < width && *y < height && (together || window.place(*x, *y).is_some()));
+            let rays = pixels.clone().map(|pixel| self.samples_of(pixel).len()).sum();
             room.queue.begin(self.camera.fan((x0, y0), BUNDLE, rays));
-            for index in 0..BUNDLE * BUNDLE {
-                let (x, y) = (x0 + every_second_bit(index), y0 + every_second_bit(index >> 1));
-                let is_wanted = together || window.place(x, y).is_some();
-                if x < width && y < height && is_wanted && !self.stopped() {
-                    self.pixel((x, y), room, &mut done);
+            for pixel in pixels {
+                if self.stopped() {
+                    break;
+                }
+                match self.purpose {
+                    Purpose::Noise(second, _) => {
+                        self.pixel(pixel, self.samples.start..second, room, &mut done);
+                        self.pixel(pixel, second..self.samples.end, room, &mut done);
+                    }
+                    _ => self.pixel(pixel, self.samples_of(pixel), room, &mut done),
                 }
             }
             if let Mode::Gather(maps) = self.eye.mode() {
@@ -301,13 +383,58 @@ impl<'s> Round<'_, 's> {
             }
         }
         done.gathered = std::mem::take(&mut room.queue.stats);
+        if tells {
+            done.found = self.found(&done);
+        }
         done
     }
 
-    fn pixel(&self, (x, y): (u32, u32), room: &mut Room<'s>, done: &mut Tile) {
+    /// The samples that a pixel takes in this round.
+    fn samples_of(&self, pixel: (u32, u32)) -> Range<u32> {
+        let Range { start, end } = self.samples;
+        match self.purpose {
+            Purpose::More(allotment) => start..allotment.count(pixel).clamp(start, end),
+            _ => start..end,
+        }
+    }
+
+    /// What the bundles of a tile tell of the picture.
+    fn found(&self, Tile { sums, work, .. }: &Tile) -> Vec<((u32, u32), Found)> {
+        let mut found: Vec<((u32, u32), Found)> = Vec::new();
+        let mut add = |(x, y): (u32, u32), value: f64, work: u64| {
+            let bundle = (x / BUNDLE, y / BUNDLE);
+            if found.last().is_none_or(|((x, y), _)| (x / BUNDLE, y / BUNDLE) != bundle) {
+                found.push(((x, y), Found::default()));
+            }
+            if let Some((_, found)) = found.last_mut() {
+                found.add((x, y), value, work);
+            }
+        };
+        match self.purpose {
+            Purpose::Noise(_, levels) => {
+                for (halves, work) in sums.chunks_exact(2).zip(work.chunks_exact(2)) {
+                    let [first, second] = [0, 1].map(|half| halves[half].2.mean(&self.shown).to_array());
+                    let (x, y, _) = halves[0];
+                    add((x, y), noise([first, second], levels[colour(x, y)]), work[0] + work[1]);
+                }
+            }
+            _ => {
+                for ((x, y, sums), work) in sums.iter().zip(work) {
+                    add((*x, *y), sums.mean(&self.shown).element_sum() / 3.0, *work);
+                }
+            }
+        }
+        found
+    }
+
+    fn pixel(&self, (x, y): (u32, u32), samples: Range<u32>, room: &mut Room<'s>, done: &mut Tile) {
+        if samples.is_empty() {
+            return;
+        }
         let Round { scene, camera, plan, eye, pass, .. } = self;
         let mut sum = Sums::default();
-        for sample in self.samples.clone() {
+        let (count, before) = (samples.len() as u64, room.queue.asked());
+        for sample in samples {
             let (mut stream, ray, inside) = set_out((scene, camera, plan), (x, y), (*pass, sample));
             let index = done.sums.len() as u32;
             let tally = &mut done.tally;
@@ -320,6 +447,7 @@ impl<'s> Round<'_, 's> {
             sum.add(&found);
         }
         done.sums.push((x, y, sum));
+        done.work.push(count + QUERY * (room.queue.asked() - before));
     }
 }
 

@@ -300,6 +300,7 @@ fn render(table: &Table, says: bool) -> Read<Render> {
     let quality = table.get_or("quality", Quality::Normal, |item| item.choice(&qualities, &[]));
     let chosen = *quality.as_ref().unwrap_or(&Quality::Normal);
     let samples = table.get_or("samples", chosen.samples(), |item| item.u32(1));
+    let adaptive = table.get_or("adaptive", true, Item::boolean);
     let light_samples = table.get_or("light_samples", 1, |item| item.integer(1, MOST_LIGHT_SAMPLES));
     let passes = table.get_or("passes", chosen.passes(), |item| item.u32(1));
     let seed = table.get_or("seed", 1, |item| item.u64(0));
@@ -311,6 +312,7 @@ fn render(table: &Table, says: bool) -> Read<Render> {
         automatic: method.is_none() && !says,
         quality: quality?,
         samples: samples?,
+        adaptive: adaptive?,
         light_samples: light_samples?,
         passes: passes?,
         seed: seed?,

@@ -8,6 +8,7 @@ use crate::gather::Reach;
 use crate::geometry::Shape;
 use crate::math::Rgb;
 use crate::photon::{Ball, Radius};
+use crate::render::adaptive::Sounding;
 use crate::render::choice::Choice;
 use crate::render::eternity;
 use crate::render::eye::Component;
@@ -263,6 +264,10 @@ fn on_surfaces(items: &mut Items, (scene, settings): (&Scene, &Settings), plan: 
 fn rays(items: &mut Items, (scene, settings): (&Scene, &Settings), plan: &Plan, samples: Option<&Samples>) {
     let paths = |(width, height): (u32, u32)| u64::from(width) * u64::from(height) * u64::from(plan.samples);
     items.add("camera_paths", Ok(format!("{} a pixel", plan.samples))).of(paths(settings.film.size()));
+    let why_not = (plan.method == Method::Light).then_some("light paths are as many for all pixels");
+    let why_not = why_not.or((!settings.render.adaptive).then_some("render.adaptive is false"));
+    let why_not = why_not.or(Sounding::new(plan.samples).is_none().then_some("a pixel has too few samples"));
+    items.add("adaptive_sampling", unless(why_not, "more of them where there is noise"));
     // A window gets its light from paths all over the film.
     let all = paths((settings.film.width, settings.film.height));
     let why_not = (plan.method != Method::Light).then_some("the method is another");

@@ -88,8 +88,10 @@ pub struct Render {
     pub automatic: bool,
     /// What numbers that the scene does not give are chosen for.
     pub quality: Quality,
-    /// Camera samples per pixel and pass, at least 1; of [`Method::Light`] as many light paths, too.
+    /// Camera samples per pixel and pass, on average, at least 1; of [`Method::Light`] as many light paths, too.
     pub samples: u32,
+    /// Whether pixels take more of them where a pilot finds noise, and fewer elsewhere; none do by [`Method::Light`], nor where there are fewer than 4.
+    pub adaptive: bool,
     /// Shadow rays for each question for light at the first surface of a camera ray that spreads light, at least 1.
     pub light_samples: u32,
     /// Passes, each with fresh photons in narrower discs, at least 1.

@@ -169,7 +169,7 @@ fn keys_are_found_as_users_ask_for_them() {
     assert_eq!(paths("shapes.3.casts_caustics"), ["shapes.*.casts_caustics"]);
     assert_eq!(paths("volume.march"), ["[volume.march]"]);
     assert!(paths("compare.*").contains(&"compare.budgets".to_string()) && paths("media.*") == ["[media.*]"]);
-    assert_eq!((paths("render.*").len(), paths("render.*")[0].as_str()), (7, "render.method"));
+    assert_eq!((paths("render.*").len(), paths("render.*")[0].as_str()), (8, "render.method"));
     assert_eq!(paths("volume.nieghbours"), ["? volume.neighbours"]);
     assert_eq!(paths("nieghbours"), ["? volume.neighbours"]);
     assert_eq!(paths("xyzzy"), ["? "]);
