@@ -396,3 +396,26 @@ fn no_light_leaks_through_a_sheet() {
     }
     checks.finish();
 }
+
+/// Photons whose light comes from elsewhere do not stand for one another where light is scattered by that: density control leaves such media alone.
+#[test]
+fn density_control_mixes_no_directions() {
+    let lit = |z: i32, radiance: &str| {
+        format!(
+            "[[shapes]]\ntype = \"sphere\"\ncenter = [0, 0, {z}]\nradius = 0.3\nemission = {{ radiance = {radiance} }}\n"
+        )
+    };
+    let text = format!(
+        "[film]\nwidth = 16\nheight = 12\n[camera]\nposition = [0, 0, 6]\ntarget = [0, 0, 0]\n[photons]\nvolume = 20000\n\
+         [media.fog]\nsigma_s = 0.5\nphase = {{ type = \"hg\", g = 0.7 }}\n\
+         [[shapes]]\ntype = \"box\"\nmin = [-1, -1, -1]\nmax = [1, 1, 1]\ninterior = \"fog\"\n{}{}",
+        lit(-4, "[40, 8, 2]"),
+        lit(9, "[2, 8, 40]")
+    );
+    let [with, without] = [true, false].map(|control| {
+        Estimate::of(4, &text, &["render.method=photon", &format!("photons.density_control={control}")])
+    });
+    for (difference, _) in with.bias(&without) {
+        assert!(difference.abs() < 0.01, "{with:?} and {without:?}");
+    }
+}

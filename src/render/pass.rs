@@ -341,6 +341,6 @@ pub(super) fn order(plan: &Plan, pass: u32) -> photon::Pass<'_> {
         max_events: plan.max_events,
         single_scattering: plan.single_scattering,
         importons: plan.importons.as_ref().map(|importons| importons.media.as_slice()),
-        control: plan.control(),
+        control: plan.control().filter(|_| plan.controls_media),
     }
 }

@@ -7,7 +7,7 @@ use crate::gather::march::{Marcher, Stepping};
 use crate::gather::{GlobalSettings, Reach, Spacing};
 use crate::math::{Bounds, Cells};
 use crate::medium::Medium;
-use crate::medium::phase::Peak;
+use crate::medium::phase::{Peak, Phase};
 use crate::photon::kernel::Profile;
 use crate::photon::{Ball, Emission, Importons, InMedium, Kind, PointSettings, Radius, Tagged, may_land};
 use crate::scene::description::{
@@ -72,6 +72,8 @@ pub struct Plan {
     pub importons: Option<Arc<Importons>>,
     /// Whether more are traced, and hand their power to neighbours where they lie closest.
     pub density_control: bool,
+    /// Whether those in media do: a neighbour's light comes from elsewhere, which matters where it is scattered by that.
+    pub controls_media: bool,
     /// How wide they are spread.
     pub radius: Radius,
     /// Whether some of them are enough for many rays: those that surfaces spread.
@@ -282,6 +284,12 @@ impl Plan {
             importons: (render.method == Method::Photon && settings.photons.importance)
                 .then(|| Arc::new(importons::trace(&pilot, surface.indirect))),
             density_control: settings.photons.density_control,
+            controls_media: settings.photons.density_control
+                && scene
+                    .media
+                    .iter()
+                    .filter(|medium| medium.scatters())
+                    .all(|medium| medium.phase.even().is_some_and(Phase::is_even)),
             radius,
             spreads: matches!(surface.indirect, Indirect::FinalGather | Indirect::Path)
                 && max_events.allows(1)

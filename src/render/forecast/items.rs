@@ -155,7 +155,11 @@ fn photons(items: &mut Items, (scene, settings): (&Scene, &Settings), plan: &Pla
         items.add("forced_collisions", unless(why_not, "less than a hundredth of the photons would collide"));
     }
     let why_not = none.or((!plan.density_control).then_some("photons.density_control is false"));
-    items.add("density_control", unless(why_not, "photons hand power to neighbours where they lie closest"));
+    let on = if plan.controls_media { "" } else { " on surfaces; media scatter light by where it comes from" };
+    items.add(
+        "density_control",
+        unless(why_not, format!("photons hand power to neighbours where they lie closest{on}")),
+    );
 }
 
 /// How photons of a map are spread, in words.

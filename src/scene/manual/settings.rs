@@ -98,7 +98,7 @@ pub(super) const SECTIONS: &[Section] = &[
             Key::new("max_emitted", POSITIVE_INTEGER, Is("50_000_000"), "the most that lights emit to fill a map").unit("photons").cost("time, where few photons land").see(&["photons.projection"]),
             Key::new("projection", Form::Boolean, Is("true"), "whether photons are aimed at what matters, and learn where that is").cost("pilots of some ten thousand photons; without it most photons of small things miss them"),
             Key::new("importance", Form::Boolean, Is("false"), "whether photons are drawn and kept by how much they count in the picture").cost("32 768 paths from the camera; pays where the camera sees a small part of what is lit"),
-            Key::new("density_control", Form::Boolean, Is("false"), "whether four times as many photons are traced as kept, and hand their power to neighbours where they lie closest").cost("four times the tracing, for a map with less noise").see(&["photons.importance"]),
+            Key::new("density_control", Form::Boolean, Is("false"), "whether four times as many photons are traced as kept, and hand their power to neighbours where they lie closest; in media only where all scatter light alike in all directions").cost("four times the tracing, for a map with less noise").see(&["photons.importance"]),
             Key::new("emission", Form::Choice(&["qmc", "random"]), Is("\"qmc\""), "what photons are drawn by: a scrambled Sobol' sequence, or independent numbers"),
         ],
     },
